@@ -1,0 +1,6 @@
+#include <cstdio>
+
+int main() {
+  std::puts("valvetriage " VALVETRIAGE_VERSION);
+  return 0;
+}
