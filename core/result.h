@@ -18,8 +18,8 @@ namespace valvetriage {
 /// found     what stood there
 /// expected  what would have been right
 struct Error {
-  std::string code;
-  std::string message;
+  std::string code{};
+  std::string message{};
   std::string file{};
   std::optional<std::size_t> line{};
   std::optional<std::size_t> column{};

@@ -1,0 +1,25 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+
+#include "core/result.h"
+
+namespace valvetriage {
+
+/// Exit statuses of the contract.
+enum ExitStatus : int { kDone = 0, kFailure = 1, kBadInput = 2, kVerdictNotGood = 3 };
+
+/// Each verb is one file and adds itself to the application. When the verb was called, its callback runs it and sets
+/// `exit_status`. Results go to standard output, messages to standard error, progress to a terminal only.
+/// The list in main.cpp is the list of verbs.
+#define VALVETRIAGE_COMMANDS(X) \
+  X(paper)
+
+#define X(verb) void add_##verb##_command(CLI::App& app, int& exit_status);
+VALVETRIAGE_COMMANDS(X)
+#undef X
+
+/// Prints an error the way every verb does: "valvetriage: FILE: message" on standard error.
+void print_error(const Error& error);
+
+}  // namespace valvetriage
