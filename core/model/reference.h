@@ -1,0 +1,74 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "core/model/model.h"
+
+namespace valvetriage {
+
+/// One dynamic parameter of the valve model over the population of good valves.
+///
+/// value scale   `transform` "log": the population is described in ln(value); "linear": in the value itself
+struct PopulationParameter {
+  std::string name;       ///< `delay_s`, `natural_frequency_rad_s`, `damping_ratio`, `time_constant_s`
+  std::string unit;       ///< "s", "rad/s", ""
+  std::string transform;  ///< "linear" or "log"
+  double mean = 0;        ///< in the transformed scale
+  double sd = 0;          ///< valve to valve, in the transformed scale
+};
+
+/// What a good valve leaves on one level: the yardstick of a verdict and of a rule base.
+struct LevelPopulation {
+  double level_a = 0;              ///< [A]
+  double error_eq20_mean = 0;      ///< [psi/s]
+  double error_eq20_sd = 0;        ///< [psi/s]
+  double settling_error_mean = 0;  ///< [psi]
+  double settling_error_sd = 0;    ///< [psi]
+  double rise_time_mean_s = 0;     ///< 10 to 90 %, 0 where no good valve showed a rise
+  double rise_time_sd_s = 0;       ///< [s]
+};
+
+/// The window on which Eq 20 is taken: its value depends on both, so they belong to every figure made with it.
+struct Eq20Window {
+  double rate_hz = 0;     ///< samples per second the residual is brought to
+  double duration_s = 0;  ///< from the step on
+};
+
+/// A good valve that took part in the learning, and how far it stands from the others.
+struct ReferenceMember {
+  std::string serial;
+  int recordings = 0;
+  double rmse = 0;      ///< of its own fitted model, free run [psi]
+  double distance = 0;  ///< robust distance from the population, in standard deviations
+  bool used = true;     ///< false: pointed out as unlike the others and left out
+};
+
+/// A population of good valves, learned from their recordings; not a curve.
+///
+/// Parameter vector of one valve, p entries: `parameters` in their order, then the map's knot outputs. `covariance` is
+/// p × p over that vector in the transformed scale, row major, shrunk towards its diagonal (few valves).
+struct Reference {
+  std::string valve_type;
+  int version = 0;  ///< given by the store; 0 for a file
+  std::string sha256;
+  std::vector<ReferenceMember> members;
+  int valves = 0;  ///< members used
+
+  double sample_period_s = 0;  ///< of the learning recordings, median [s]
+  Model model;                 ///< the population mean: kind "valve", dynamics in the s domain
+  std::vector<double> map_sd;  ///< valve to valve, one per knot of model.map [psi]
+  std::vector<PopulationParameter> parameters;
+  std::vector<double> covariance;
+  double prior_degrees_of_freedom = 0;  ///< of the Student t that stands for the population
+
+  double noise_floor = 0;             ///< rms of the irreducible noise on good valves [psi]
+  double input_min = 0;               ///< [A]
+  double input_max = 0;               ///< [A]
+  double bandwidth_hz = 0;            ///< highest frequency that the learning recordings excited
+  std::vector<std::string> tests;     ///< kinds of test seen
+  Eq20Window window;                  ///< default window, where no rule base brings its own
+  std::vector<LevelPopulation> levels;
+};
+
+}  // namespace valvetriage
