@@ -1,0 +1,110 @@
+#include "core/model/valve_dynamics.h"
+
+#include <cassert>
+#include <cmath>
+#include <numbers>
+#include <unsupported/Eigen/MatrixFunctions>
+
+namespace valvetriage {
+namespace {
+
+using Matrix = Eigen::MatrixXd;
+using Vector = Eigen::VectorXd;
+
+/// Cascade of the pair (states: output, scaled derivative) and the lags; the last state of the cascade is the output.
+struct StateSpace {
+  Matrix a;
+  Vector b;
+};
+
+StateSpace continuous_state_space(const ValveDynamics& dynamics) {
+  const int n = dynamics.order();
+  const double wn = dynamics.natural_frequency_rad_s;
+  StateSpace system{Matrix::Zero(n, n), Vector::Zero(n)};
+  // State 0 is the scaled derivative and state 1 the pair's output, so that the output is the last state at any order.
+  system.a(0, 0) = -2 * dynamics.damping_ratio * wn;
+  system.a(0, 1) = -wn;
+  system.a(1, 0) = wn;
+  system.b(0) = wn;
+  for (int i = 2; i < n; ++i) {
+    const double rate = 1.0 / dynamics.lag_s[static_cast<std::size_t>(i - 2)];
+    system.a(i, i) = -rate;
+    system.a(i, i - 1) = rate;
+  }
+  return system;
+}
+
+/// e^{Ah}, ∫ e^{A(h−τ)} B dτ and ∫ e^{A(h−τ)} B τ/T dτ over [0, h] from one exponential (Van Loan 1978).
+struct Integrals {
+  Matrix transition;
+  Vector constant;
+  Vector ramp;
+};
+
+Integrals integrate(const StateSpace& system, double h, double period) {
+  const auto n = system.a.rows();
+  Matrix augmented = Matrix::Zero(n + 2, n + 2);
+  augmented.topLeftCorner(n, n) = system.a * h;
+  augmented.block(0, n, n, 1) = system.b * h;
+  augmented(n, n + 1) = h / period;
+  const Matrix e = augmented.exp();
+  return {e.topLeftCorner(n, n), e.block(0, n, n, 1), e.block(0, n + 1, n, 1)};
+}
+
+}  // namespace
+
+TransferFunction to_transfer_function(const ValveDynamics& dynamics) {
+  TransferFunction g{.domain = Domain::kS, .delay_s = dynamics.delay_s};
+  const double wn = dynamics.natural_frequency_rad_s;
+  const double zeta = dynamics.damping_ratio;
+  const std::complex<double> spread = wn * std::sqrt(std::complex<double>(zeta * zeta - 1));
+  g.poles = {-zeta * wn + spread, -zeta * wn - spread};
+  g.gain = wn * wn;
+  for (const double tau : dynamics.lag_s) {
+    g.poles.emplace_back(-1.0 / tau);
+    g.gain /= tau;
+  }
+  return g;
+}
+
+SampledValveDynamics::SampledValveDynamics(const ValveDynamics& dynamics, double sample_period_s) {
+  assert(sample_period_s > 0 && dynamics.order() <= kMaxOrder);
+  const StateSpace system = continuous_state_space(dynamics);
+  const double delay_samples = dynamics.delay_s / sample_period_s;
+  whole_delay_ = static_cast<std::size_t>(delay_samples);
+  const double f = delay_samples - static_cast<double>(whole_delay_);
+
+  const Integrals tail = integrate(system, f * sample_period_s, sample_period_s);
+  const Integrals head = integrate(system, (1 - f) * sample_period_s, sample_period_s);
+  transition_ = head.transition * tail.transition;
+  // Tail of interval m−1: the signal there is start + (end − start)(1 − f + τ/T).
+  gains_[0] = head.transition * (f * tail.constant - tail.ramp);
+  gains_[1] = head.transition * ((1 - f) * tail.constant + tail.ramp);
+  gains_[2] = head.constant - head.ramp;
+  gains_[3] = head.ramp;
+  steady_ = Vector::Ones(system.a.rows());
+  steady_(0) = 0;
+}
+
+void SampledValveDynamics::run(const IntervalSignal& input, std::span<double> out) const {
+  const std::size_t n = out.size();
+  assert(input.start.size() >= n && input.end.size() >= n);
+  if (n == 0) return;
+  State x = steady_ * input.start[0];
+  const Eigen::Index last = transition_.rows() - 1;
+  for (std::size_t i = 0; i < n; ++i) {
+    out[i] = x(last);
+    const double before = input.start[0];
+    const bool has_head = i >= whole_delay_;
+    const bool has_tail = i >= whole_delay_ + 1;
+    const std::size_t m = has_head ? i - whole_delay_ : 0;
+    State next = transition_.lazyProduct(x);
+    next += gains_[0] * (has_tail ? input.start[m - 1] : before);
+    next += gains_[1] * (has_tail ? input.end[m - 1] : before);
+    next += gains_[2] * (has_head ? input.start[m] : before);
+    next += gains_[3] * (has_head ? input.end[m] : before);
+    x = next;
+  }
+}
+
+}  // namespace valvetriage
