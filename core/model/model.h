@@ -18,12 +18,12 @@ namespace valvetriage {
 /// With a map, `dynamics` has static gain 1 and the map carries the unit; without, G carries gain and delay, and
 /// `input_offset` is subtracted from u (the operating point of an affine baseline).
 struct Model {
-  std::string kind;                    ///< "valve" (map) or "linear"
-  std::string input_unit, output_unit; ///< "A", "psi" or ""
+  std::string kind;                     ///< "valve" (map) or "linear"
+  std::string input_unit, output_unit;  ///< "A", "psi" or ""
   std::optional<StaticMap> map;
-  TransferFunction dynamics;           ///< s or z domain; delay lives here
-  double input_offset = 0;             ///< unit of the input
-  double output_offset = 0;            ///< unit of the output
+  TransferFunction dynamics;  ///< s or z domain; delay lives here
+  double input_offset = 0;    ///< unit of the input
+  double output_offset = 0;   ///< unit of the output
 };
 
 /// How a free run starts.

@@ -62,12 +62,12 @@ struct Reference {
   std::vector<double> covariance;
   double prior_degrees_of_freedom = 0;  ///< of the Student t that stands for the population
 
-  double noise_floor = 0;             ///< rms of the irreducible noise on good valves [psi]
-  double input_min = 0;               ///< [A]
-  double input_max = 0;               ///< [A]
-  double bandwidth_hz = 0;            ///< highest frequency that the learning recordings excited
-  std::vector<std::string> tests;     ///< kinds of test seen
-  Eq20Window window;                  ///< default window, where no rule base brings its own
+  double noise_floor = 0;          ///< rms of the irreducible noise on good valves [psi]
+  double input_min = 0;            ///< [A]
+  double input_max = 0;            ///< [A]
+  double bandwidth_hz = 0;         ///< highest frequency that the learning recordings excited
+  std::vector<std::string> tests;  ///< kinds of test seen
+  Eq20Window window;               ///< default window, where no rule base brings its own
   std::vector<LevelPopulation> levels;
 };
 

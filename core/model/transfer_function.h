@@ -14,7 +14,8 @@ enum class Domain : std::uint8_t { kS, kZ };
 /// A rational transfer function by its roots.
 ///
 ///   s:  G(s) = gain ∏(s − zeros[i]) / ∏(s − poles[j]) e^(−s delay_s)                          roots in rad/s
-///   z:  G(z) = gain ∏(z − zeros[i]) / ∏(z − poles[j]) z^(−delay_s / sample_time_s)            delay a whole number of samples
+///   z:  G(z) = gain ∏(z − zeros[i]) / ∏(z − poles[j]) z^(−delay_s / sample_time_s)            delay a whole number of
+///   samples
 ///
 /// Complex roots come in conjugate pairs. Order = number of poles.
 struct TransferFunction {

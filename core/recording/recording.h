@@ -19,8 +19,8 @@ std::optional<TestKind> test_kind_from(const std::string& name);
 
 /// The `# key: value` lines of a recording. `condition` is a label and never an input to a verdict.
 struct Metadata {
-  std::optional<std::string> serial, lot, valve_type, condition, test, stand, tested_at, operator_name, claim, complaint,
-      hours;
+  std::optional<std::string> serial, lot, valve_type, condition, test, stand, tested_at, operator_name, claim,
+      complaint, hours;
   std::map<std::string, std::string> others;  ///< keys the contract does not name, kept as they came
 };
 
@@ -65,18 +65,18 @@ struct Segment {
 /// stamps; where they jitter or have gaps the grid is `start_s + i * sample_period_s` and the channels are resampled on
 /// it, with `valid[i] == 0` on grid samples that lie inside a gap (they take no part in any sum).
 struct Recording {
-  std::string name;                   ///< file name or title; never a path
+  std::string name;  ///< file name or title; never a path
   Metadata metadata;
   TestKind test = TestKind::kOther;
   bool test_inferred = false;
 
-  std::vector<double> time_s;         ///< stamps of the file's rows [s]
-  double start_s = 0;                 ///< first grid stamp [s]
-  double sample_period_s = 0;         ///< grid period [s]
-  Channel input;                      ///< n_grid values
-  Channel output;                     ///< n_grid values
-  std::vector<Channel> side;          ///< named side inputs, n_grid values each
-  std::vector<std::uint8_t> valid;    ///< n_grid flags; empty means all valid
+  std::vector<double> time_s;       ///< stamps of the file's rows [s]
+  double start_s = 0;               ///< first grid stamp [s]
+  double sample_period_s = 0;       ///< grid period [s]
+  Channel input;                    ///< n_grid values
+  Channel output;                   ///< n_grid values
+  std::vector<Channel> side;        ///< named side inputs, n_grid values each
+  std::vector<std::uint8_t> valid;  ///< n_grid flags; empty means all valid
 
   std::vector<QualityItem> quality;
   std::vector<Segment> segments;

@@ -2,6 +2,7 @@
 
 #include <nlohmann/json.hpp>
 #include <string_view>
+#include <vector>
 
 #include "core/result.h"
 
@@ -10,7 +11,8 @@ namespace valvetriage {
 /// JSON with its keys in the order they were written: what a person reads is in the order the contract gives.
 using Json = nlohmann::ordered_json;
 
-/// Deepest nesting accepted from outside. The contract's own documents need 8; a parser that keeps a stack must be bounded.
+/// Deepest nesting accepted from outside. The contract's own documents need 8; a parser that keeps a stack must be
+/// bounded.
 inline constexpr int kMaxJsonDepth = 64;
 
 /// Parses one JSON document, depth capped while parsing, duplicate keys refused.
@@ -18,8 +20,16 @@ inline constexpr int kMaxJsonDepth = 64;
 /// Errors  `malformed_json` with line and column; `json_too_deep`; `duplicate_key`
 Result<Json> parse_json(std::string_view text);
 
-/// The document as text: shortest round-trip numbers, two spaces of indent where `pretty`. NaN and infinities become null;
-/// invalid UTF-8 is replaced, never thrown on.
+/// The document as text: shortest round-trip numbers, two spaces of indent where `pretty`. NaN and infinities become
+/// null; invalid UTF-8 is replaced, never thrown on.
 std::string dump_json(const Json& document, bool pretty = false);
+
+/// A list, item by item.
+template <typename T>
+Json list_to_json(const std::vector<T>& items, Json (*item_to_json)(const T&)) {
+  Json list = Json::array();
+  for (const T& item : items) list.push_back(item_to_json(item));
+  return list;
+}
 
 }  // namespace valvetriage

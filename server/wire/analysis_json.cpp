@@ -1,0 +1,274 @@
+#include "server/wire/analysis_json.h"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <cmath>
+#include <utility>
+
+#include "server/wire/canonical_json.h"
+#include "server/wire/json_fields.h"
+#include "server/wire/model_json.h"
+
+namespace valvetriage {
+namespace {
+
+constexpr const char* kSchema = "valvetriage.analysis/1";
+
+constexpr std::array<std::pair<BaselineKind, const char*>, 3> kBaselineKinds{
+    {{BaselineKind::kReference, "reference"}, {BaselineKind::kSelf, "self"}, {BaselineKind::kPaper, "paper"}}};
+
+constexpr std::array<std::pair<NoVerdict, const char*>, 6> kNoVerdicts{{{NoVerdict::kNoRuleBase, "no_rule_base"},
+                                                                        {NoVerdict::kUnits, "units"},
+                                                                        {NoVerdict::kLevelMissing, "level_missing"},
+                                                                        {NoVerdict::kSelfBaseline, "self_baseline"},
+                                                                        {NoVerdict::kUnstable, "unstable"},
+                                                                        {NoVerdict::kFeedback, "feedback"}}};
+
+template <typename Table, typename Value>
+std::string name_in(const Table& table, Value value) {
+  for (const auto& [entry, name] : table) {
+    if (entry == value) return name;
+  }
+  return {};
+}
+
+template <typename Value, std::size_t n>
+std::optional<Value> value_in(const std::array<std::pair<Value, const char*>, n>& table, const std::string& wanted) {
+  for (const auto& [entry, name] : table) {
+    if (wanted == name) return entry;
+  }
+  return std::nullopt;
+}
+
+Json finite_or_null(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
+Json finite_or_null(const std::optional<double>& value) { return value ? finite_or_null(*value) : Json(nullptr); }
+Json text_or_null(const std::optional<std::string>& text) { return text ? Json(*text) : Json(nullptr); }
+
+Json by_name(const std::map<std::string, double>& values) {
+  Json object = Json::object();
+  for (const auto& [name, value] : values) object[name] = finite_or_null(value);
+  return object;
+}
+
+Json to_json(const QualityItem& item) {
+  return Json{{"code", item.code}, {"detail", item.detail}, {"count", item.count}};
+}
+
+Json to_json(const RecordingSummary& recording) {
+  return Json{{"name", recording.name},
+              {"sha256", recording.sha256},
+              {"samples", recording.samples},
+              {"sample_rate_hz", finite_or_null(recording.sample_rate_hz)},
+              {"test", to_string(recording.test)},
+              {"quality", list_to_json(recording.quality, to_json)}};
+}
+
+Json to_json(const Baseline& baseline) {
+  Json reference = nullptr;
+  if (baseline.reference) {
+    reference = Json{{"valve_type", baseline.reference->valve_type},
+                     {"version", baseline.reference->version},
+                     {"sha256", baseline.reference->sha256},
+                     {"valves", baseline.reference->valves}};
+  }
+  return Json{{"kind", to_string(baseline.kind)},
+              {"reason", baseline.reason},
+              {"reference", reference},
+              {"model", to_json(baseline.model)}};
+}
+
+Json to_json(const LevelFigures& level) {
+  return Json{{"level_A", finite_or_null(level.level_a)},
+              {"error_eq20", finite_or_null(level.error_eq20)},
+              {"settling_error", finite_or_null(level.settling_error)},
+              {"rise_time_s", finite_or_null(level.rise_time_s)}};
+}
+
+Json to_json(const RecordingFigures& figures) {
+  return Json{{"name", figures.name},
+              {"rmse", finite_or_null(figures.rmse)},
+              {"fit_percent", finite_or_null(figures.fit_percent)},
+              {"noise_floor", finite_or_null(figures.noise_floor)}};
+}
+
+Json to_json(const Simulation& simulation) {
+  return Json{{"rmse", finite_or_null(simulation.rmse)},
+              {"fit_percent", finite_or_null(simulation.fit_percent)},
+              {"noise_floor", finite_or_null(simulation.noise_floor)},
+              {"by_level", list_to_json(simulation.by_level, to_json)},
+              {"per_recording", list_to_json(simulation.per_recording, to_json)}};
+}
+
+Json to_json(const LevelVerdict& level) {
+  Json rules = Json::array();
+  for (const auto& [rule, strength] : level.rules) {
+    rules.push_back(Json{{"rule", rule}, {"strength", finite_or_null(strength)}});
+  }
+  return Json{{"verdict", level.verdict}, {"memberships", by_name(level.memberships)}, {"rules", rules}};
+}
+
+Json to_json(const ClassificationResult& result) {
+  Json per_level = Json::object();
+  for (const LevelVerdict& level : result.per_level) per_level[level.level] = to_json(level);
+  Json rule_base = nullptr;
+  if (!result.rule_base_name.empty()) {
+    rule_base = Json{{"name", result.rule_base_name},
+                     {"version", result.rule_base_version},
+                     {"sha256", result.rule_base_sha256}};
+  }
+  return Json{{"verdict", text_or_null(result.verdict)},
+              {"reason", result.reason ? Json(to_string(*result.reason)) : Json(nullptr)},
+              {"explanation", result.explanation},
+              {"action", result.action},
+              {"memberships", by_name(result.memberships)},
+              {"per_level", per_level},
+              {"rule_base", rule_base},
+              {"without_stand_causes", text_or_null(result.without_stand_causes)}};
+}
+
+/// A number that is null where it was not finite.
+double number_or_nan(JsonFields& fields, const char* name) { return fields.number_or(name, std::nan("")); }
+
+RecordingSummary recording_from_json(JsonFields fields) {
+  RecordingSummary recording;
+  recording.name = fields.text("name");
+  recording.sha256 = fields.text("sha256");
+  recording.samples = fields.count("samples");
+  recording.sample_rate_hz = number_or_nan(fields, "sample_rate_hz");
+  const auto test = test_kind_from(fields.text("test"));
+  if (!test) fields.refuse("test", "unknown_value", "expected step, staircase, triangle, sweep or other");
+  recording.test = test.value_or(TestKind::kOther);
+  for (JsonFields& item : fields.objects("quality")) {
+    recording.quality.push_back(
+        {.code = item.text("code"), .detail = item.text("detail"), .count = item.count("count")});
+  }
+  return recording;
+}
+
+Baseline baseline_from_json(JsonFields fields) {
+  Baseline baseline;
+  const auto kind = baseline_kind_from(fields.text("kind"));
+  if (!kind) fields.refuse("kind", "unknown_value", "expected reference, self or paper");
+  baseline.kind = kind.value_or(BaselineKind::kSelf);
+  baseline.reason = fields.text("reason");
+  if (fields.has("reference")) {
+    JsonFields reference = fields.object("reference");
+    baseline.reference.emplace();
+    baseline.reference->valve_type = reference.text("valve_type");
+    baseline.reference->version = reference.small_count("version");
+    baseline.reference->sha256 = reference.text("sha256");
+    baseline.reference->valves = reference.small_count("valves");
+  }
+  baseline.model = model_from_json(fields.object("model"));
+  return baseline;
+}
+
+Simulation simulation_from_json(JsonFields fields) {
+  Simulation simulation;
+  simulation.rmse = number_or_nan(fields, "rmse");
+  simulation.fit_percent = number_or_nan(fields, "fit_percent");
+  simulation.noise_floor = number_or_nan(fields, "noise_floor");
+  for (JsonFields& level : fields.objects("by_level")) {
+    simulation.by_level.push_back({.level_a = number_or_nan(level, "level_A"),
+                                   .error_eq20 = level.optional_number("error_eq20"),
+                                   .settling_error = level.optional_number("settling_error"),
+                                   .rise_time_s = level.optional_number("rise_time_s")});
+  }
+  for (JsonFields& recording : fields.objects("per_recording")) {
+    simulation.per_recording.push_back({.name = recording.text("name"),
+                                        .rmse = number_or_nan(recording, "rmse"),
+                                        .fit_percent = number_or_nan(recording, "fit_percent"),
+                                        .noise_floor = number_or_nan(recording, "noise_floor")});
+  }
+  return simulation;
+}
+
+LevelVerdict level_verdict_from_json(const std::string& name, JsonFields fields) {
+  LevelVerdict level;
+  level.level = name;
+  level.verdict = fields.text("verdict");
+  level.memberships = fields.number_by_name("memberships");
+  for (JsonFields& rule : fields.objects("rules")) level.rules.emplace_back(rule.text("rule"), rule.number("strength"));
+  return level;
+}
+
+ClassificationResult classification_from_json(JsonFields fields) {
+  ClassificationResult result;
+  result.verdict = fields.optional_text("verdict");
+  if (fields.has("reason")) {
+    result.reason = value_in(kNoVerdicts, fields.text("reason"));
+    if (!result.reason) fields.refuse("reason", "unknown_value", "not one of the contract's reasons");
+  }
+  result.explanation = fields.text("explanation");
+  result.action = fields.text("action");
+  result.memberships = fields.number_by_name("memberships");
+  for (auto& [name, level] : fields.objects_by_name("per_level")) {
+    result.per_level.push_back(level_verdict_from_json(name, level));
+  }
+  if (fields.has("rule_base")) {
+    JsonFields rule_base = fields.object("rule_base");
+    result.rule_base_name = rule_base.text("name");
+    result.rule_base_version = rule_base.text("version");
+    result.rule_base_sha256 = rule_base.text("sha256");
+  }
+  result.without_stand_causes = fields.optional_text("without_stand_causes");
+  return result;
+}
+
+}  // namespace
+
+std::string to_string(BaselineKind kind) { return name_in(kBaselineKinds, kind); }
+std::optional<BaselineKind> baseline_kind_from(const std::string& name) { return value_in(kBaselineKinds, name); }
+std::string to_string(NoVerdict reason) { return name_in(kNoVerdicts, reason); }
+
+std::string result_sha256(Json document) {
+  document.erase("timing_s");
+  document.erase("result_sha256");
+  for (Json& recording : document["recordings"]) recording.erase("name");
+  for (Json& recording : document["simulation"]["per_recording"]) recording.erase("name");
+  return canonical_sha256(document);
+}
+
+Json to_json(const Analysis& analysis, const AnalysisMaking& making) {
+  Json document{{"schema", kSchema},
+                {"engine", {{"version", making.engine_version}, {"settings_sha256", making.settings_sha256}}},
+                {"result_sha256", nullptr},
+                {"recordings", list_to_json(analysis.recordings, to_json)},
+                {"baseline", to_json(analysis.baseline)},
+                {"simulation", to_json(analysis.simulation)},
+                {"discrepancy", nullptr},
+                {"extended_model", to_json(analysis.baseline.model)},
+                {"frequency_response", Json::array()},
+                {"classification", to_json(analysis.classification)},
+                {"timing_s", by_name(making.timing_s)}};
+  document["result_sha256"] = result_sha256(document);
+  return document;
+}
+
+Result<AnalysisDocument> analysis_from_json(const Json& document) {
+  std::optional<Error> error;
+  JsonFields fields(document, "", error);
+  if (fields.ok() && fields.text_or("schema", "") != kSchema) {
+    return fail("not_an_analysis", fmt::format("this is no analysis: expected \"schema\": \"{}\"", kSchema));
+  }
+  AnalysisDocument read;
+  JsonFields engine = fields.object("engine");
+  read.making.engine_version = engine.text("version");
+  read.making.settings_sha256 = engine.text("settings_sha256");
+  read.making.timing_s = fields.number_by_name("timing_s");
+  read.result_sha256 = fields.text("result_sha256");
+  for (JsonFields& recording : fields.objects("recordings")) {
+    read.analysis.recordings.push_back(recording_from_json(recording));
+  }
+  read.analysis.baseline = baseline_from_json(fields.object("baseline"));
+  read.analysis.simulation = simulation_from_json(fields.object("simulation"));
+  read.analysis.classification = classification_from_json(fields.object("classification"));
+  if (error) return tl::unexpected(*error);
+  if (read.result_sha256 != result_sha256(document)) {
+    return fail("result_changed", "result_sha256 does not fit the content: the analysis was changed after it was made");
+  }
+  return read;
+}
+
+}  // namespace valvetriage

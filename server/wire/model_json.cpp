@@ -1,0 +1,161 @@
+#include "server/wire/model_json.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace valvetriage {
+namespace {
+
+using Roots = std::vector<std::complex<double>>;
+
+Json roots_to_json(const Roots& roots) {
+  Json list = Json::array();
+  for (const auto& root : roots) list.push_back(Json::array({root.real(), root.imag()}));
+  return list;
+}
+
+bool is_root(const Json& pair) {
+  return pair.is_array() && pair.size() == 2 && pair[0].is_number() && pair[1].is_number();
+}
+
+/// Every complex root has its conjugate, to the rounding of a hand-written file.
+bool closed_under_conjugation(const Roots& roots) {
+  constexpr double kRelativeRounding = 1e-6;
+  return std::all_of(roots.begin(), roots.end(), [&](const std::complex<double>& root) {
+    const auto partner = [&](const std::complex<double>& other) {
+      return std::abs(other - std::conj(root)) <= kRelativeRounding * std::abs(root);
+    };
+    return root.imag() == 0 || std::any_of(roots.begin(), roots.end(), partner);
+  });
+}
+
+Roots roots_from_json(JsonFields& fields, const char* name) {
+  const Json& list = fields.raw(name);
+  if (!list.is_array() || list.size() > kMaxModelRoots || !std::all_of(list.begin(), list.end(), is_root)) {
+    fields.refuse(name, "wrong_type", fmt::format("expected a list of at most {} pairs [re, im]", kMaxModelRoots));
+    return {};
+  }
+  Roots roots;
+  for (const Json& pair : list) roots.emplace_back(pair[0].get<double>(), pair[1].get<double>());
+  if (!closed_under_conjugation(roots)) {
+    fields.refuse(name, "out_of_range", "a complex root without its conjugate");
+  }
+  return roots;
+}
+
+void check_timing(JsonFields& fields, const TransferFunction& g) {
+  if (g.delay_s < 0) fields.refuse("delay_s", "out_of_range", "a delay cannot be negative");
+  if (g.domain == Domain::kS && g.sample_time_s != 0) {
+    fields.refuse("sample_time_s", "out_of_range", "a transfer function in s has sample_time_s 0");
+  }
+  if (g.domain == Domain::kS) return;
+  if (!(g.sample_time_s > 0)) {
+    fields.refuse("sample_time_s", "out_of_range", "a transfer function in z needs a positive sample_time_s");
+    return;
+  }
+  constexpr double kSampleRounding = 1e-3;  // files round their sample times
+  const double samples = g.delay_s / g.sample_time_s;
+  if (std::abs(samples - std::round(samples)) > kSampleRounding) {
+    fields.refuse("delay_s", "out_of_range", fmt::format("{} is no whole number of samples of {} s", g.delay_s, g.sample_time_s));
+  }
+}
+
+StaticMap map_from_json(JsonFields fields) {
+  StaticMap map{.input = fields.numbers("input"), .output = fields.numbers("output")};
+  if (!fields.ok()) return map;
+  if (map.input.size() < 2 || map.input.size() > kMaxMapKnots || map.input.size() != map.output.size()) {
+    fields.refuse("", "out_of_range", fmt::format("a map has 2 to {} knots, as many outputs as inputs", kMaxMapKnots));
+  } else if (std::adjacent_find(map.input.begin(), map.input.end(), std::greater_equal<>()) != map.input.end()) {
+    fields.refuse("input", "out_of_range", "the knots must increase");
+  } else if (!std::is_sorted(map.output.begin(), map.output.end()) &&
+             !std::is_sorted(map.output.rbegin(), map.output.rend())) {
+    fields.refuse("output", "out_of_range", "the map must only rise or only fall");
+  }
+  return map;
+}
+
+/// What an `identify` result says about a model: a linear system and the operating point it was fitted around.
+Model from_identify_result(JsonFields fields) {
+  Model model;
+  model.kind = "linear";
+  model.input_unit = fields.text_or("input_unit", "");
+  model.output_unit = fields.text_or("output_unit", "");
+  model.dynamics = transfer_function_from_json(fields.object("transfer_function"));
+  model.input_offset = fields.number_or("input_offset", 0);
+  model.output_offset = fields.number_or("output_offset", 0);
+  return model;
+}
+
+}  // namespace
+
+Json to_json(const TransferFunction& g) {
+  return Json{{"domain", g.domain == Domain::kS ? "s" : "z"},
+              {"sample_time_s", g.sample_time_s},
+              {"zeros", roots_to_json(g.zeros)},
+              {"poles", roots_to_json(g.poles)},
+              {"gain", g.gain},
+              {"delay_s", g.delay_s}};
+}
+
+TransferFunction transfer_function_from_json(JsonFields fields) {
+  TransferFunction g;
+  const std::string domain = fields.text("domain");
+  if (domain != "s" && domain != "z") fields.refuse("domain", "unknown_value", "expected \"s\" or \"z\"");
+  g.domain = domain == "s" ? Domain::kS : Domain::kZ;
+  g.sample_time_s = fields.number_or("sample_time_s", 0);
+  g.zeros = roots_from_json(fields, "zeros");
+  g.poles = roots_from_json(fields, "poles");
+  g.gain = fields.number("gain");
+  g.delay_s = fields.number_or("delay_s", 0);
+  if (g.zeros.size() > g.poles.size()) fields.refuse("zeros", "out_of_range", "there are more zeros than poles");
+  check_timing(fields, g);
+  return g;
+}
+
+Json to_json(const Model& model) {
+  Json map = nullptr;
+  if (model.map) map = Json{{"input", model.map->input}, {"output", model.map->output}};
+  return Json{{"schema", "valvetriage.model/1"},
+              {"kind", model.kind},
+              {"input_unit", model.input_unit},
+              {"output_unit", model.output_unit},
+              {"map", map},
+              {"transfer_function", to_json(model.dynamics)},
+              {"input_offset", model.input_offset},
+              {"output_offset", model.output_offset}};
+}
+
+Model model_from_json(JsonFields fields) {
+  Model model;
+  model.kind = fields.text("kind");
+  if (model.kind != "valve" && model.kind != "linear") {
+    fields.refuse("kind", "unknown_value", "expected \"valve\" or \"linear\"");
+  }
+  model.input_unit = fields.text("input_unit");
+  model.output_unit = fields.text("output_unit");
+  if (fields.has("map")) model.map = map_from_json(fields.object("map"));
+  if (model.kind == "valve" && !model.map) fields.refuse("map", "missing_field", "a valve's model needs its map");
+  model.dynamics = transfer_function_from_json(fields.object("transfer_function"));
+  model.input_offset = fields.number_or("input_offset", 0);
+  model.output_offset = fields.number_or("output_offset", 0);
+  return model;
+}
+
+Result<Model> model_from_json(const Json& document) {
+  std::optional<Error> error;
+  JsonFields fields(document, "", error);
+  if (fields.has("baseline") && fields.has("recordings")) {
+    return fail("not_a_model", "this is a whole analysis: give what stands at its extended_model or baseline.model");
+  }
+  const bool is_model = fields.has("kind");
+  if (!is_model && !fields.has("transfer_function")) {
+    return fail("not_a_model", "this is neither a model (kind, transfer_function) nor an identify result");
+  }
+  Model model = is_model ? model_from_json(fields) : from_identify_result(fields);
+  if (error) return tl::unexpected(*error);
+  return model;
+}
+
+}  // namespace valvetriage

@@ -1,0 +1,153 @@
+#pragma once
+
+#include <rapidcheck.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "core/analysis/analysis.h"
+
+namespace valvetriage::generate {
+
+inline double number() { return *rc::gen::suchThat(rc::gen::arbitrary<double>(), [](double x) { return std::isfinite(x); }); }
+inline double positive() { return std::abs(number()) + 1e-3; }
+inline int small(int least, int most) { return *rc::gen::inRange(least, most + 1); }
+inline std::string text() { return *rc::gen::container<std::string>(rc::gen::inRange(' ', '\x7f')); }
+inline std::optional<double> maybe_number() { return small(0, 1) ? std::optional<double>(number()) : std::nullopt; }
+
+inline std::vector<double> numbers(std::size_t n) {
+  std::vector<double> values(n);
+  std::generate(values.begin(), values.end(), number);
+  return values;
+}
+
+/// Real roots and conjugate pairs, n of them or one fewer.
+inline std::vector<std::complex<double>> roots(int n) {
+  std::vector<std::complex<double>> values;
+  while (static_cast<int>(values.size()) + 1 < n) {
+    const std::complex<double> root(number(), number());
+    values.push_back(root);
+    values.push_back(std::conj(root));
+  }
+  if (small(0, 1) && static_cast<int>(values.size()) < n) values.emplace_back(number(), 0.0);
+  return values;
+}
+
+inline TransferFunction transfer_function() {
+  TransferFunction g;
+  g.domain = small(0, 1) ? Domain::kS : Domain::kZ;
+  g.sample_time_s = g.domain == Domain::kZ ? positive() : 0;
+  g.poles = roots(small(0, 8));
+  g.zeros = g.poles;
+  g.gain = number();
+  g.delay_s = g.domain == Domain::kZ ? small(0, 20) * g.sample_time_s : positive();
+  return g;
+}
+
+inline StaticMap static_map() {
+  StaticMap map;
+  const int knots = small(2, 12);
+  double input = small(-5, 5), output = small(-5, 5);
+  for (int i = 0; i < knots; ++i) {
+    map.input.push_back(input += small(1, 5) * 0.1);
+    map.output.push_back(output += small(0, 5) * 0.1);
+  }
+  return map;
+}
+
+inline Model model(bool with_map) {
+  Model m;
+  m.kind = with_map ? "valve" : "linear";
+  m.input_unit = with_map ? "A" : "";
+  m.output_unit = with_map ? "psi" : "";
+  if (with_map) m.map = static_map();
+  m.dynamics = transfer_function();
+  m.input_offset = number();
+  m.output_offset = number();
+  return m;
+}
+
+inline Reference reference() {
+  Reference r;
+  r.valve_type = text();
+  r.version = small(0, 9);
+  for (int i = small(3, 6); i > 0; --i) r.members.push_back({text(), small(1, 9), positive(), positive(), small(0, 1) == 1});
+  r.valves = static_cast<int>(r.members.size());
+  r.sample_period_s = positive();
+  r.model = model(true);
+  const std::size_t knots = r.model.map->input.size();
+  r.map_sd = numbers(knots);
+  for (int i = small(1, 4); i > 0; --i) {
+    r.parameters.push_back({text(), text(), small(0, 1) ? "log" : "linear", number(), positive()});
+  }
+  const std::size_t p = r.parameters.size() + knots;
+  r.covariance = numbers(p * p);
+  r.prior_degrees_of_freedom = positive();
+  r.noise_floor = positive();
+  r.input_min = number();
+  r.input_max = number();
+  r.bandwidth_hz = positive();
+  r.tests = {"step", text()};
+  r.window = {positive(), positive()};
+  for (int i = small(0, 5); i > 0; --i) {
+    r.levels.push_back({number(), number(), positive(), number(), positive(), positive(), positive()});
+  }
+  return r;
+}
+
+inline LevelVerdict level_verdict(int i) {
+  LevelVerdict level;
+  level.level = "level " + std::to_string(i);
+  level.verdict = "Good";
+  level.memberships = {{"good", number()}, {"severe", number()}};
+  level.rules = {{text(), number()}, {text(), number()}};
+  return level;
+}
+
+inline ClassificationResult classification() {
+  ClassificationResult c;
+  if (small(0, 1)) {
+    c.verdict = "Severe";
+    c.memberships = {{"good", number()}, {"malfunctioned", number()}, {"severe", number()}};
+    for (int i = small(0, 3); i > 0; --i) c.per_level.push_back(level_verdict(i));
+    c.rule_base_name = "from " + text();
+    c.rule_base_version = text();
+    c.rule_base_sha256 = text();
+  } else {
+    c.reason = NoVerdict::kLevelMissing;
+  }
+  c.explanation = text();
+  c.action = small(0, 1) ? "retest" : "engineer";
+  return c;
+}
+
+inline Analysis analysis() {
+  Analysis a;
+  for (int i = small(1, 4); i > 0; --i) {
+    RecordingSummary r;
+    r.name = text();
+    r.sha256 = text();
+    r.samples = static_cast<std::size_t>(small(0, 1000000));
+    r.sample_rate_hz = positive();
+    r.test = TestKind::kStaircase;
+    r.quality.push_back({"clipped", text(), static_cast<std::size_t>(small(0, 100))});
+    a.recordings.push_back(r);
+    a.simulation.per_recording.push_back({r.name, number(), number(), number()});
+  }
+  a.baseline.kind = small(0, 1) ? BaselineKind::kReference : BaselineKind::kSelf;
+  a.baseline.reason = text();
+  a.baseline.model = model(small(0, 1) == 1);
+  if (a.baseline.kind == BaselineKind::kReference) a.baseline.reference = reference();
+  a.simulation.rmse = number();
+  a.simulation.fit_percent = number();
+  a.simulation.noise_floor = number();
+  for (int i = small(0, 5); i > 0; --i) {
+    a.simulation.by_level.push_back({number(), maybe_number(), maybe_number(), maybe_number()});
+  }
+  a.classification = classification();
+  return a;
+}
+
+}  // namespace valvetriage::generate

@@ -1,0 +1,138 @@
+#include "server/wire/model_json.h"
+
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include "tests/unit/wire/generate.h"
+
+namespace valvetriage {
+namespace {
+
+/// What a reader gets: through the text and back.
+Json through_text(const Json& document) { return parse_json(dump_json(document)).value(); }
+
+Json linear_model() {
+  return Json{{"schema", "valvetriage.model/1"},
+              {"kind", "linear"},
+              {"input_unit", "A"},
+              {"output_unit", "psi"},
+              {"map", nullptr},
+              {"transfer_function",
+               {{"domain", "z"},
+                {"sample_time_s", 0.005},
+                {"zeros", Json::array()},
+                {"poles", {{0.9, 0.1}, {0.9, -0.1}}},
+                {"gain", 2.5},
+                {"delay_s", 0.01}}},
+              {"input_offset", 1.0},
+              {"output_offset", 3.0}};
+}
+
+Error refused(const Json& document) {
+  const auto read = model_from_json(document);
+  EXPECT_FALSE(read.has_value()) << dump_json(document);
+  return read ? Error{} : read.error();
+}
+
+RC_GTEST_PROP(ModelJson, ReadsBackWhatItWrote, ()) {
+  const Json written = to_json(generate::model(generate::small(0, 1) == 1));
+  const auto read = model_from_json(through_text(written));
+  RC_ASSERT(read.has_value());
+  RC_ASSERT(to_json(*read) == written);
+}
+
+RC_GTEST_PROP(ModelJson, NumbersKeepTheirLastBit, ()) {
+  const Model model = generate::model(true);
+  const auto read = model_from_json(through_text(to_json(model)));
+  RC_ASSERT(read.has_value());
+  RC_ASSERT(read->dynamics.poles == model.dynamics.poles);
+  RC_ASSERT(read->map->input == model.map->input);
+  RC_ASSERT(read->input_offset == model.input_offset);
+}
+
+TEST(ModelJson, AWholeIdentifyResultIsAModel) {
+  Json identify{{"method", "oe"}, {"order", 2}, {"transfer_function", linear_model()["transfer_function"]}, {"stable", true}};
+  const auto model = model_from_json(identify);
+  ASSERT_TRUE(model.has_value()) << model.error().message;
+  EXPECT_EQ(model->kind, "linear");
+  EXPECT_EQ(model->dynamics.poles.size(), 2u);
+  EXPECT_EQ(model->input_offset, 0.0);
+}
+
+TEST(ModelJson, AWholeAnalysisIsRefusedWithTheFieldToTake) {
+  const Error error = refused(Json{{"recordings", Json::array()}, {"baseline", Json::object()}});
+  EXPECT_EQ(error.code, "not_a_model");
+  EXPECT_NE(error.message.find("extended_model"), std::string::npos);
+}
+
+TEST(ModelJson, AnotherDocumentIsRefused) {
+  EXPECT_EQ(refused(Json::object()).code, "not_a_model");
+  EXPECT_EQ(refused(Json::array()).code, "not_a_model");
+}
+
+TEST(ModelJson, AComplexPoleNeedsItsConjugate) {
+  Json document = linear_model();
+  document["transfer_function"]["poles"] = Json::array({{0.9, 0.1}, {0.9, 0.1}});
+  EXPECT_EQ(refused(document).field, "/transfer_function/poles");
+}
+
+TEST(ModelJson, MoreZerosThanPolesAreRefused) {
+  Json document = linear_model();
+  document["transfer_function"]["zeros"] = Json::array({{0.1, 0}, {0.2, 0}});
+  EXPECT_TRUE(model_from_json(document).has_value());
+  document["transfer_function"]["zeros"].push_back({0.3, 0});
+  EXPECT_EQ(refused(document).field, "/transfer_function/zeros");
+}
+
+TEST(ModelJson, TheNumberOfRootsIsBounded) {
+  Json document = linear_model();
+  Json& poles = document["transfer_function"]["poles"];
+  poles = Json::array();
+  for (std::size_t i = 0; i < kMaxModelRoots; ++i) poles.push_back({0.5, 0});
+  EXPECT_TRUE(model_from_json(document).has_value());
+  poles.push_back({0.5, 0});
+  EXPECT_EQ(refused(document).field, "/transfer_function/poles");
+}
+
+TEST(ModelJson, ADelayInZIsAWholeNumberOfSamples) {
+  Json document = linear_model();
+  document["transfer_function"]["delay_s"] = 0.0125;
+  EXPECT_EQ(refused(document).field, "/transfer_function/delay_s");
+  document["transfer_function"]["delay_s"] = -0.005;
+  EXPECT_EQ(refused(document).field, "/transfer_function/delay_s");
+}
+
+TEST(ModelJson, TheSampleTimeFitsTheDomain) {
+  Json document = linear_model();
+  document["transfer_function"]["sample_time_s"] = 0;
+  EXPECT_EQ(refused(document).field, "/transfer_function/sample_time_s");
+  document["transfer_function"]["domain"] = "s";
+  EXPECT_TRUE(model_from_json(document).has_value());
+  document["transfer_function"]["sample_time_s"] = 0.1;
+  EXPECT_EQ(refused(document).field, "/transfer_function/sample_time_s");
+}
+
+TEST(ModelJson, AValveNeedsAMapThatOnlyRisesOrOnlyFalls) {
+  Json document = linear_model();
+  document["kind"] = "valve";
+  EXPECT_EQ(refused(document).field, "/map");
+  document["map"] = Json{{"input", {1, 2, 3}}, {"output", {3, 2, 1}}};
+  EXPECT_TRUE(model_from_json(document).has_value());
+  document["map"]["output"] = Json::array({1, 3, 2});
+  EXPECT_EQ(refused(document).field, "/map/output");
+  document["map"]["output"] = Json::array({1, 2});
+  EXPECT_EQ(refused(document).field, "/map");
+  document["map"] = Json{{"input", {1, 1, 3}}, {"output", {1, 2, 3}}};
+  EXPECT_EQ(refused(document).field, "/map/input");
+}
+
+TEST(ModelJson, TheFirstThingWrongIsNamedByItsPointer) {
+  Json document = linear_model();
+  document["transfer_function"]["gain"] = "much";
+  const Error error = refused(document);
+  EXPECT_EQ(error.code, "wrong_type");
+  EXPECT_EQ(error.message, "/transfer_function/gain: expected a number, found \"much\"");
+}
+
+}  // namespace
+}  // namespace valvetriage
