@@ -1,0 +1,249 @@
+#include "core/identify/rls.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <string>
+#include <utility>
+
+namespace valvetriage {
+namespace {
+
+constexpr std::size_t kLargestUnrolled = 32;
+
+/// Growth of P over P(0) beyond which nothing more is forgotten: a stream at rest would otherwise overflow P.
+constexpr double kWindUp = 1e12;
+
+std::size_t parameter_count(const RlsOptions& o) {
+  const int extra = o.form == RlsForm::kExtended ? o.noise_terms : (o.form == RlsForm::kAbsolute ? 1 : 0);
+  return static_cast<std::size_t>(o.order + o.input_terms + extra);
+}
+
+/// The newest value to the front, the oldest dropped.
+void push_front(std::vector<double>& history, double value) {
+  std::copy_backward(history.begin(), history.end() - 1, history.end());
+  history.front() = value;
+}
+
+Error bad_option(const char* field, std::string expected, std::string found) {
+  Error error{.code = "bad_option", .message = fmt::format("{} must be {}, not {}", field, expected, found)};
+  error.field = field;
+  error.expected = std::move(expected);
+  error.found = std::move(found);
+  return error;
+}
+
+Result<void> check_count(const char* field, int value, int least, int most) {
+  if (value >= least && value <= most) return {};
+  return tl::unexpected(bad_option(field, fmt::format("a whole number from {} to {}", least, most), fmt::to_string(value)));
+}
+
+}  // namespace
+
+RlsKernel::RlsKernel(std::vector<double> theta, double lambda, double initial_covariance)
+    : n_(theta.size()), stride_((theta.size() + 1) & ~std::size_t{1}), theta_(std::move(theta)), lambda_(lambda),
+      largest_trace_(kWindUp * initial_covariance * static_cast<double>(n_)) {
+  update_ = update_for<kLargestUnrolled / 2>(stride_);
+  theta_.resize(stride_);
+  phi_.resize(stride_);
+  f_.resize(stride_);
+  root_.resize(stride_ * stride_);
+  for (std::size_t i = 0; i < n_; ++i) root_[i * stride_ + i] = std::sqrt(initial_covariance);
+}
+
+/// N = 0: any size.
+template <std::size_t N>
+bool RlsKernel::update_padded(RlsKernel& kernel, double y, double& prediction_error) {
+  const std::size_t n = N == 0 ? kernel.stride_ : N;
+  const double* const phi = kernel.phi_.data();
+  double* const root = kernel.root_.data();
+  double* const theta = kernel.theta_.data();
+  double local_f[N == 0 ? 1 : N];
+  double* const f = N == 0 ? kernel.f_.data() : local_f;
+
+  for (std::size_t j = 0; j < n; ++j) f[j] = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t j = 0; j < n; ++j) f[j] += phi[i] * root[i * n + j];
+  }
+  double predicted = 0;
+  double excitation = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    predicted += phi[i] * theta[i];
+    excitation += f[i] * f[i];
+  }
+  const double alpha = kernel.lambda_ + excitation;
+  const double error = y - predicted;
+  const double squared = error * error / alpha;
+  if (!std::isfinite(squared) || !std::isfinite(alpha)) return false;
+
+  const double root_lambda = kernel.lambda_ == 1 ? 1 : std::sqrt(kernel.lambda_);
+  const double grow = kernel.lambda_ == 1 || kernel.wound_up() ? 1 : 1 / root_lambda;
+  const double shrink = grow / (alpha + std::sqrt(alpha) * root_lambda);
+  const double step = error / alpha;
+  for (std::size_t i = 0; i < n; ++i) {
+    double even = 0;  // two sums, so that the compiler may use both lanes
+    double odd = 0;
+    for (std::size_t j = 0; j < n; j += 2) {
+      even += root[i * n + j] * f[j];
+      odd += root[i * n + j + 1] * f[j + 1];
+    }
+    const double gain = even + odd;
+    theta[i] += gain * step;
+    const double scaled = gain * shrink;
+    for (std::size_t j = 0; j < n; ++j) root[i * n + j] = root[i * n + j] * grow - scaled * f[j];
+  }
+  kernel.squared_error_ = kernel.lambda_ * (kernel.squared_error_ + squared);
+  kernel.effective_samples_ = kernel.lambda_ * kernel.effective_samples_ + 1;
+  prediction_error = error;
+  return true;
+}
+
+template <std::size_t Pairs>
+RlsKernel::Update RlsKernel::update_for(std::size_t stride) {
+  if constexpr (Pairs == 0) {
+    return &update_padded<0>;
+  } else {
+    return stride == 2 * Pairs ? &update_padded<2 * Pairs> : update_for<Pairs - 1>(stride);
+  }
+}
+
+bool RlsKernel::wound_up() {
+  // Looking every 64 updates is enough: even λ = 0.01 grows P by no more than 10¹²⁸ in between.
+  if (updates_ % 64 == 0) {
+    double trace = 0;
+    for (const double entry : root_) trace += entry * entry;
+    wound_up_ = trace > largest_trace_;
+  }
+  return wound_up_;
+}
+
+Result<double> RlsKernel::update(std::span<const double> phi, double y) {
+  if (phi.size() != n_) {
+    return fail("wrong_size", fmt::format("the regressor has {} values, the estimate {}", phi.size(), n_));
+  }
+  std::copy(phi.begin(), phi.end(), phi_.begin());
+  double prediction_error = 0;
+  if (!update_(*this, y, prediction_error)) {
+    return fail("not_finite", "the sample is not finite or too large to be used; the estimate is unchanged");
+  }
+  ++updates_;
+  return prediction_error;
+}
+
+Eigen::MatrixXd RlsKernel::covariance() const {
+  using Root = Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>;
+  const auto size = static_cast<Eigen::Index>(stride_);
+  const auto used = static_cast<Eigen::Index>(n_);
+  const auto root = Root(root_.data(), size, size).topLeftCorner(used, used);
+  return root * root.transpose();
+}
+
+double RlsKernel::noise_variance() const {
+  const double freedom = effective_samples_ - static_cast<double>(n_);
+  return freedom > 0 ? squared_error_ / freedom : std::numeric_limits<double>::infinity();
+}
+
+Result<RecursiveLeastSquares> RecursiveLeastSquares::create(const RlsOptions& options) {
+  const int least_noise_terms = options.form == RlsForm::kExtended ? 1 : 0;
+  for (const auto& checked : {check_count("order", options.order, 1, kMaxRlsTerms),
+                              check_count("input_terms", options.input_terms, 1, kMaxRlsTerms),
+                              check_count("noise_terms", options.noise_terms, least_noise_terms, kMaxRlsTerms),
+                              check_count("delay_samples", options.delay_samples, 0, kMaxRlsDelay)}) {
+    if (!checked) return tl::unexpected(checked.error());
+  }
+  if (!(options.lambda > 0 && options.lambda <= 1)) {
+    return tl::unexpected(bad_option("lambda", "above 0 and at most 1", fmt::to_string(options.lambda)));
+  }
+  if (!(options.initial_covariance > 0 && std::isfinite(options.initial_covariance))) {
+    return tl::unexpected(bad_option("initial_covariance", "positive", fmt::to_string(options.initial_covariance)));
+  }
+  const std::size_t n = parameter_count(options);
+  if (!options.initial_estimate.empty() && options.initial_estimate.size() != n) {
+    return tl::unexpected(bad_option("initial_estimate", fmt::format("empty or {} values", n),
+                                     fmt::format("{} values", options.initial_estimate.size())));
+  }
+  if (!std::all_of(options.initial_estimate.begin(), options.initial_estimate.end(),
+                   [](double value) { return std::isfinite(value); })) {
+    return tl::unexpected(bad_option("initial_estimate", "finite", "a value that is not"));
+  }
+  return RecursiveLeastSquares(options);
+}
+
+RecursiveLeastSquares::RecursiveLeastSquares(const RlsOptions& options)
+    : options_(options),
+      kernel_(options.initial_estimate.empty() ? std::vector<double>(parameter_count(options))
+                                               : options.initial_estimate,
+              options.lambda, options.initial_covariance),
+      inputs_(static_cast<std::size_t>(options.delay_samples + options.input_terms)),
+      outputs_(static_cast<std::size_t>(options.order)),
+      noise_(options.form == RlsForm::kExtended ? static_cast<std::size_t>(options.noise_terms) : 0),
+      phi_(parameter_count(options)) {}
+
+Result<void> RecursiveLeastSquares::update(double input, double output) {
+  if (!std::isfinite(input) || !std::isfinite(output)) {
+    return fail("not_finite", fmt::format("the sample ({}, {}) is not finite; the estimate is unchanged", input, output));
+  }
+  const bool increments = options_.form != RlsForm::kAbsolute;
+  const std::size_t lags_filled = seen_ - (increments && seen_ > 0 ? 1 : 0);  // Δ of the first sample does not exist
+  const bool ready = lags_filled >= std::max(outputs_.size(), inputs_.size() - 1) && (!increments || seen_ > 0);
+  const double new_input = increments ? input - last_input_ : input;
+  const double new_output = increments ? output - last_output_ : output;
+
+  if (ready) {
+    auto entry = std::transform(outputs_.begin(), outputs_.end(), phi_.begin(), [](double y) { return -y; });
+    // u(t) is the newest and not yet in the history.
+    for (int i = 0; i < options_.input_terms; ++i) {
+      const int lag = options_.delay_samples + i;
+      *entry++ = lag == 0 ? new_input : inputs_[static_cast<std::size_t>(lag - 1)];
+    }
+    entry = std::copy(noise_.begin(), noise_.end(), entry);
+    if (!increments) *entry = 1;
+    const Result<double> error = kernel_.update(phi_, new_output);
+    if (!error) return tl::unexpected(error.error());
+    prediction_error_ = *error;
+    if (!noise_.empty()) {
+      const auto theta = kernel_.theta_hat();
+      double fitted = 0;
+      for (std::size_t i = 0; i < phi_.size(); ++i) fitted += theta[i] * phi_[i];
+      push_front(noise_, new_output - fitted);
+    }
+  }
+  if (!increments || seen_ > 0) {
+    push_front(inputs_, new_input);
+    push_front(outputs_, new_output);
+  }
+  last_input_ = input;
+  last_output_ = output;
+  ++seen_;
+  return {};
+}
+
+void RecursiveLeastSquares::forget_past() {
+  seen_ = 0;
+  std::fill(noise_.begin(), noise_.end(), 0.0);
+}
+
+std::vector<std::string> RecursiveLeastSquares::parameter_names() const {
+  std::vector<std::string> names;
+  for (int i = 1; i <= options_.order; ++i) names.push_back(fmt::format("a{}", i));
+  for (int i = 0; i < options_.input_terms; ++i) names.push_back(fmt::format("b{}", i));
+  for (std::size_t i = 1; i <= noise_.size(); ++i) names.push_back(fmt::format("c{}", i));
+  if (options_.form == RlsForm::kAbsolute) names.emplace_back("offset");
+  return names;
+}
+
+RationalCoefficients RecursiveLeastSquares::coefficients(double sample_time_s) const {
+  const auto theta = theta_hat();
+  RationalCoefficients result;
+  result.domain = Domain::kZ;
+  result.sample_time_s = sample_time_s;
+  result.delay_samples = options_.delay_samples;
+  result.a.assign(1, 1.0);
+  result.a.insert(result.a.end(), theta.begin(), theta.begin() + options_.order);
+  result.b.assign(theta.begin() + options_.order, theta.begin() + options_.order + options_.input_terms);
+  return result;
+}
+
+}  // namespace valvetriage

@@ -1,0 +1,106 @@
+// Recursive least squares against its floor: the textbook update of Eqs 13 to 15 on fixed-size arrays, in the same run.
+#include <benchmark/benchmark.h>
+
+#include <array>
+#include <chrono>
+#include <random>
+#include <vector>
+
+#include "core/identify/rls.h"
+
+namespace {
+
+constexpr std::size_t kRows = 4096;
+
+std::vector<double> regressors(std::size_t parameters) {
+  std::mt19937 engine(7);
+  std::vector<double> rows(kRows * (parameters + 1));
+  for (auto& value : rows) value = static_cast<double>(engine()) / 4294967296.0 - 0.5;
+  return rows;
+}
+
+template <std::size_t N>
+void floor_update(std::array<double, N>& theta, std::array<double, N * N>& P, const double* phi, double y, double lambda) {
+  std::array<double, N> g{};
+  double alpha = lambda;
+  double error = y;
+  for (std::size_t i = 0; i < N; ++i) {
+    for (std::size_t j = 0; j < N; ++j) g[j] += P[i * N + j] * phi[i];
+  }
+  for (std::size_t i = 0; i < N; ++i) {
+    alpha += phi[i] * g[i];
+    error -= phi[i] * theta[i];
+  }
+  const double inverse = 1 / alpha;
+  const double inverse_lambda = 1 / lambda;
+  for (std::size_t i = 0; i < N; ++i) {
+    const double gain = g[i] * inverse;
+    theta[i] += gain * error;
+    for (std::size_t j = 0; j < N; ++j) P[i * N + j] = (P[i * N + j] - gain * g[j]) * inverse_lambda;
+  }
+}
+
+using Clock = std::chrono::steady_clock;
+
+double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
+
+template <std::size_t N>
+double floor_seconds(const std::vector<double>& rows, double lambda) {
+  std::array<double, N> theta{};
+  std::array<double, N * N> P{};
+  for (std::size_t i = 0; i < N; ++i) P[i * N + i] = 1e6;
+  const auto start = Clock::now();
+  for (std::size_t t = 0; t < kRows; ++t) {
+    floor_update<N>(theta, P, &rows[t * (N + 1)], rows[t * (N + 1) + N], lambda);
+  }
+  benchmark::DoNotOptimize(theta);
+  return seconds_since(start);
+}
+
+/// Floor and product take turns on the same rows; `of_floor` is product rate over floor rate.
+template <std::size_t N>
+void bm_rls_kernel(benchmark::State& state) {
+  const double lambda = state.range(0) == 0 ? 1.0 : 0.999;
+  const auto rows = regressors(N);
+  double floor_total = 0;
+  double total = 0;
+  for (auto _ : state) {
+    floor_total += floor_seconds<N>(rows, lambda);
+    valvetriage::RlsKernel kernel(std::vector<double>(std::size_t{N}), lambda, 1e6);
+    const auto start = Clock::now();
+    for (std::size_t t = 0; t < kRows; ++t) {
+      auto error = kernel.update({&rows[t * (N + 1)], N}, rows[t * (N + 1) + N]);
+      benchmark::DoNotOptimize(error);
+    }
+    const double seconds = seconds_since(start);
+    total += seconds;
+    state.SetIterationTime(seconds);
+  }
+  const double updates = static_cast<double>(state.iterations()) * kRows;
+  state.counters["updates_per_s"] = updates / total;
+  state.counters["floor_per_s"] = updates / floor_total;
+  state.counters["of_floor"] = floor_total / total;
+}
+
+/// The whole of a live stream's sample: histories, increments, update.
+void bm_rls_stream(benchmark::State& state) {
+  const int order = static_cast<int>(state.range(0));
+  const int input_terms = static_cast<int>(state.range(1));
+  const auto rows = regressors(1);
+  for (auto _ : state) {
+    auto rls = valvetriage::RecursiveLeastSquares::create({.order = order, .input_terms = input_terms}).value();
+    for (std::size_t t = 0; t < kRows; ++t) {
+      auto done = rls.update(rows[2 * t], rows[2 * t + 1]);
+      benchmark::DoNotOptimize(done);
+    }
+  }
+  state.SetItemsProcessed(static_cast<std::int64_t>(state.iterations()) * static_cast<std::int64_t>(kRows));
+}
+
+}  // namespace
+
+BENCHMARK_TEMPLATE(bm_rls_kernel, 4)->Arg(0)->Arg(1)->ArgName("forgets")->UseManualTime();
+BENCHMARK_TEMPLATE(bm_rls_kernel, 8)->Arg(0)->Arg(1)->ArgName("forgets")->UseManualTime();
+BENCHMARK_TEMPLATE(bm_rls_kernel, 13)->Arg(0)->Arg(1)->ArgName("forgets")->UseManualTime();
+BENCHMARK(bm_rls_stream)->Args({2, 2})->Args({4, 4})->Args({7, 6});
+BENCHMARK_MAIN();
