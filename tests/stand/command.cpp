@@ -1,0 +1,131 @@
+#include "tests/stand/command.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <stdexcept>
+
+namespace valvetriage::stand {
+namespace {
+
+constexpr double kPeriodS = 0.005;
+constexpr double kRestA = 1.0;
+constexpr std::array<double, 5> kLevelsA = {1.2, 1.4, 1.6, 1.8, 2.0};
+
+std::size_t samples_of(double seconds) { return static_cast<std::size_t>(std::lround(seconds / kPeriodS)); }
+
+Command empty(const std::string& name, const std::string& test) {
+  Command command;
+  command.name = name;
+  command.test = test;
+  command.period_s = kPeriodS;
+  return command;
+}
+
+void hold(Command& command, double level_a, double seconds) {
+  const bool jumps = !command.value_a.empty() && command.value_a.back() != level_a;
+  command.is_step.push_back(jumps ? 1 : 0);
+  command.is_step.resize(command.is_step.size() + samples_of(seconds) - 1, 0);
+  command.value_a.resize(command.value_a.size() + samples_of(seconds), level_a);
+}
+
+void ramp(Command& command, double to_a, double seconds) {
+  const double from_a = command.value_a.back();
+  const std::size_t n = samples_of(seconds);
+  for (std::size_t k = 1; k <= n; ++k)
+    command.value_a.push_back(from_a + (to_a - from_a) * static_cast<double>(k) / static_cast<double>(n));
+  command.is_step.resize(command.value_a.size(), 0);
+}
+
+std::string level_name(double level_a) {
+  const int tenths = static_cast<int>(std::lround(level_a * 10));
+  return std::to_string(tenths / 10) + "." + std::to_string(tenths % 10) + "A";
+}
+
+std::vector<Command> steps() {
+  std::vector<Command> commands;
+  for (const double level : kLevelsA) {
+    Command command = empty("step_" + level_name(level), "step");
+    hold(command, kRestA, 1.5);
+    hold(command, level, 4.0);
+    hold(command, kRestA, 2.5);
+    commands.push_back(command);
+  }
+  return commands;
+}
+
+Command staircase() {
+  Command command = empty("staircase", "staircase");
+  hold(command, kRestA, 2.0);
+  for (const double level : kLevelsA) hold(command, level, 2.0);
+  for (int i = 3; i >= 0; --i) hold(command, kLevelsA[static_cast<std::size_t>(i)], 2.0);
+  hold(command, kRestA, 2.0);
+  return command;
+}
+
+Command triangle() {
+  Command command = empty("triangle", "triangle");
+  hold(command, kRestA, 1.0);
+  ramp(command, 2.0, 9.0);
+  ramp(command, kRestA, 9.0);
+  hold(command, kRestA, 1.0);
+  return command;
+}
+
+/// Logarithmic sweep, 0.2 to 20 Hz in 19 s around 1.6 A.
+Command sweep() {
+  constexpr double kLowHz = 0.2, kHighHz = 20, kSeconds = 19, kCentreA = 1.6, kAmplitudeA = 0.1;
+  Command command = empty("sweep", "sweep");
+  hold(command, kCentreA, 1.0);
+  const double growth = std::log(kHighHz / kLowHz) / kSeconds;
+  for (std::size_t k = 1; k <= samples_of(kSeconds); ++k) {
+    const double t = static_cast<double>(k) * kPeriodS;
+    const double phase = 2 * std::numbers::pi * kLowHz * std::expm1(growth * t) / growth;
+    command.value_a.push_back(kCentreA + kAmplitudeA * std::sin(phase));
+  }
+  command.is_step.resize(command.value_a.size(), 0);
+  return command;
+}
+
+}  // namespace
+
+double Command::at(double t_s, std::size_t next_step) const {
+  const std::size_t last = std::min(next_step, value_a.size()) - 1;
+  const double position = t_s / period_s;
+  if (position <= 0) return value_a.front();
+  const auto k = static_cast<std::size_t>(position);
+  if (k >= last) return value_a[last];
+  const double fraction = position - static_cast<double>(k);
+  return value_a[k] + fraction * (value_a[k + 1] - value_a[k]);
+}
+
+std::size_t Command::step_after(std::size_t k) const {
+  for (std::size_t i = k + 1; i < value_a.size(); ++i)
+    if (is_step[i]) return i;
+  return value_a.size();
+}
+
+std::vector<Command> commands_of(const std::string& test) {
+  if (test == "step") return steps();
+  if (test == "staircase") return {staircase()};
+  if (test == "triangle") return {triangle()};
+  if (test == "sweep") return {sweep()};
+  throw std::invalid_argument("the stand has no test '" + test + "' (step staircase triangle sweep)");
+}
+
+Command command_of_samples(const std::string& name, double period_s, std::vector<double> value_a) {
+  constexpr double kSmallestStepA = 0.02;
+  Command command = empty(name, "other");
+  command.period_s = period_s;
+  command.value_a = std::move(value_a);
+  command.is_step.assign(command.value_a.size(), 0);
+  const auto increment = [&](std::size_t k) {
+    return k > 0 && k < command.value_a.size() ? std::abs(command.value_a[k] - command.value_a[k - 1]) : 0.0;
+  };
+  for (std::size_t k = 1; k < command.value_a.size(); ++k)
+    command.is_step[k] = increment(k) > kSmallestStepA && increment(k) > 4 * std::max(increment(k - 1), increment(k + 1));
+  return command;
+}
+
+}  // namespace valvetriage::stand
