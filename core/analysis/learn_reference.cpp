@@ -1,0 +1,334 @@
+#include "core/analysis/learn_reference.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <boost/math/distributions/students_t.hpp>
+#include <cmath>
+#include <limits>
+#include <set>
+
+#include "core/identify/valve_fit.h"
+#include "core/residual/noise_floor.h"
+#include "core/residual/step_response.h"
+
+namespace valvetriage {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr int kHighestOrder = 4;
+// A higher order must take this share off the free-run rms to be worth its parameters' spread.
+constexpr double kOrderPays = 0.01;
+constexpr double kOutlierSignificance = 1e-3;
+// Default Eq 20 window: what every step of the population covers, but no more than a slow valve needs to settle.
+constexpr double kLongestWindow_s = 2.0;
+constexpr double kHighestWindowRate_hz = 200.0;
+constexpr double kLevelTolerance_a = 0.02;
+
+struct Member {
+  const ValveRecordings* valve = nullptr;
+  ValveFit fit;
+  VectorXd vector;
+  double distance = 0;
+  bool used = true;
+};
+
+VectorXd parameter_vector(const ValveFit& fit) {
+  const VectorXd dynamics = to_vector(canonical(fit.dynamics));
+  VectorXd vector(dynamics.size() + static_cast<Index>(fit.map.output.size()));
+  vector << dynamics, Eigen::Map<const VectorXd>(fit.map.output.data(), static_cast<Index>(fit.map.output.size()));
+  return vector;
+}
+
+Result<ValveFit> fit_member(const ValveRecordings& valve, const ValveFitOptions& options) {
+  auto fit = fit_valve(valve.recordings, options);
+  if (!fit) {
+    Error error = fit.error();
+    error.message = fmt::format("valve '{}': {}", valve.serial, error.message);
+    return tl::unexpected(error);
+  }
+  return fit;
+}
+
+/// The smallest order that no higher one beats by much, judged on one valve.
+Result<ValveFit> choose_order(const ValveRecordings& valve, ValveFitOptions& options) {
+  Result<ValveFit> best = fail("no_fit", "no order was tried");
+  for (int order = 2; order <= kHighestOrder; ++order) {
+    ValveFitOptions tried = options;
+    tried.order = order;
+    auto fit = fit_member(valve, tried);
+    if (!fit) return fit;
+    if (best && fit->rmse > best->rmse * (1 - kOrderPays)) break;
+    options.order = order;
+    best = std::move(fit);
+  }
+  return best;
+}
+
+std::vector<const Member*> used_members(const std::vector<Member>& members, const Member* without = nullptr) {
+  std::vector<const Member*> used;
+  for (const Member& member : members) {
+    if (member.used && &member != without) used.push_back(&member);
+  }
+  return used;
+}
+
+VectorXd mean_of(const std::vector<const Member*>& members) {
+  VectorXd mean = VectorXd::Zero(members.front()->vector.size());
+  for (const Member* member : members) mean += member->vector;
+  return mean / static_cast<double>(members.size());
+}
+
+/// Figures by which a valve is compared with the others: dynamics, ln rms, and the map at a handful of inputs.
+VectorXd outlier_figures(const Member& member, Index dynamic) {
+  constexpr Index kMapFigures = 6;
+  const Index knots = member.vector.size() - dynamic;
+  VectorXd figures(dynamic + 1 + kMapFigures);
+  figures.head(dynamic) = member.vector.head(dynamic);
+  figures(dynamic) = std::log(std::max(member.fit.rmse, 1e-12));
+  for (Index k = 0; k < kMapFigures; ++k) figures(dynamic + 1 + k) = member.vector(dynamic + k * (knots - 1) / (kMapFigures - 1));
+  return figures;
+}
+
+/// Externally studentized distance of one member from the others: the largest over its figures.
+double studentized_distance(const Member& member, const std::vector<const Member*>& others, Index dynamic) {
+  const VectorXd own = outlier_figures(member, dynamic);
+  const double n = static_cast<double>(others.size());
+  double largest = 0;
+  for (Index j = 0; j < own.size(); ++j) {
+    double mean = 0, square = 0;
+    for (const Member* other : others) mean += outlier_figures(*other, dynamic)(j) / n;
+    for (const Member* other : others) square += std::pow(outlier_figures(*other, dynamic)(j) - mean, 2);
+    const double sd = std::sqrt(square / (n - 1) * (1 + 1 / n));
+    if (sd > 0) largest = std::max(largest, std::abs(own(j) - mean) / sd);
+  }
+  return largest;
+}
+
+/// Leaves out, one at a time, the valve that is least like the others, while it is beyond doubt.
+void point_out_outliers(std::vector<Member>& members, Index dynamic) {
+  for (;;) {
+    Member* worst = nullptr;
+    for (Member& member : members) {
+      if (!member.used) continue;
+      const auto others = used_members(members, &member);
+      if (others.size() < 2) return;
+      member.distance = studentized_distance(member, others, dynamic);
+      if (!worst || member.distance > worst->distance) worst = &member;
+    }
+    const auto used = static_cast<double>(used_members(members).size());
+    if (used <= kFewestReferenceValves) return;
+    const double figures = static_cast<double>(outlier_figures(*worst, dynamic).size());
+    const boost::math::students_t student(used - 2);
+    const double limit = boost::math::quantile(boost::math::complement(student, kOutlierSignificance / (2 * used * figures)));
+    if (worst->distance <= limit) return;
+    worst->used = false;
+  }
+}
+
+/// Covariance over the members, shrunk towards its diagonal: n valves give n − 1 directions, the rest is not zero but
+/// unknown. Each fit's own uncertainty, which inflates the sample covariance, stays in it: it is the prior of a fit.
+MatrixXd shrunk_covariance(const std::vector<const Member*>& members, const VectorXd& mean) {
+  const double n = static_cast<double>(members.size());
+  MatrixXd covariance = MatrixXd::Zero(mean.size(), mean.size());
+  for (const Member* member : members) {
+    const VectorXd d = member->vector - mean;
+    covariance += d * d.transpose() / (n - 1);
+  }
+  const double keep = 1 - 1 / n - 1 / std::sqrt(n * static_cast<double>(mean.size()));
+  const VectorXd diagonal = covariance.diagonal();
+  covariance *= std::max(keep, 0.0);
+  // No parameter is known exactly from a handful of valves: a floor of 1 % of the mean variance of its kind.
+  const double floor = 1e-6 * std::max(diagonal.mean(), 1e-12);
+  covariance.diagonal() = diagonal.array().max(floor);
+  return covariance;
+}
+
+StaticMap map_of(const VectorXd& vector, Index dynamic, const std::vector<double>& knots) {
+  const VectorXd outputs = vector.tail(vector.size() - dynamic);
+  const std::vector<double> values(outputs.data(), outputs.data() + outputs.size());
+  const std::vector<double> weights(values.size(), 1.0);
+  return {knots, monotone_regression(values, weights)};
+}
+
+Model model_of(const VectorXd& vector, Index dynamic, const std::vector<double>& knots) {
+  ValveFit fit;
+  fit.dynamics = to_dynamics(vector.head(dynamic));
+  fit.map = map_of(vector, dynamic, knots);
+  return to_model(fit);
+}
+
+Eq20Window default_window(const std::vector<const Member*>& members) {
+  double rate = kHighestWindowRate_hz;
+  double duration = kLongestWindow_s;
+  for (const Member* member : members) {
+    for (std::size_t r = 0; r < member->valve->recordings.size(); ++r) {
+      const Recording& recording = member->valve->recordings[r];
+      for (const StepWindow& step : rising_steps(recording, r)) {
+        rate = std::min(rate, recording.sample_rate_hz());
+        duration = std::min(duration, static_cast<double>(step.end - step.begin) * recording.sample_period_s);
+      }
+    }
+  }
+  return {rate, duration};
+}
+
+struct Running {
+  int n = 0;
+  double mean = 0, m2 = 0;
+  void add(double x) {
+    ++n;
+    const double d = x - mean;
+    mean += d / n;
+    m2 += d * (x - mean);
+  }
+  double sd() const { return n > 1 ? std::sqrt(m2 / (n - 1)) : 0; }
+};
+
+struct LevelSums {
+  double level_a = 0;
+  Running error, settling, rise;
+};
+
+LevelSums& sums_at(std::vector<LevelSums>& all, double level) {
+  for (LevelSums& sums : all) {
+    if (std::abs(sums.level_a - level) < kLevelTolerance_a) return sums;
+  }
+  all.push_back({.level_a = std::round(level * 100) / 100});
+  return all.back();
+}
+
+/// What each good valve leaves against the mean of the others, level by level.
+Result<std::vector<LevelPopulation>> level_populations(const std::vector<Member>& members, Index dynamic,
+                                                       const std::vector<double>& knots, const Eq20Window& window) {
+  std::vector<LevelSums> all;
+  for (const Member* member : used_members(members)) {
+    const Model others = model_of(mean_of(used_members(members, member)), dynamic, knots);
+    for (std::size_t r = 0; r < member->valve->recordings.size(); ++r) {
+      const Recording& recording = member->valve->recordings[r];
+      const auto steps = rising_steps(recording, r);
+      if (steps.empty()) continue;
+      const auto simulated = simulate(others, recording, InitialState{});
+      if (!simulated) return tl::unexpected(simulated.error());
+      const double noise = noise_floor(recording).rms;
+      for (const StepWindow& step : steps) {
+        LevelSums& sums = sums_at(all, step.level);
+        if (const auto error = error_eq20(recording, *simulated, step, window)) sums.error.add(*error);
+        if (const auto settling = settling_error(recording, *simulated, step, window)) sums.settling.add(*settling);
+        if (const auto rise = measured_rise_time_s(recording, step, window, noise)) sums.rise.add(*rise);
+      }
+    }
+  }
+  std::vector<LevelPopulation> levels;
+  for (const LevelSums& sums : all) {
+    levels.push_back({sums.level_a, sums.error.mean, sums.error.sd(), sums.settling.mean, sums.settling.sd(),
+                      sums.rise.mean, sums.rise.sd()});
+  }
+  std::sort(levels.begin(), levels.end(), [](const auto& a, const auto& b) { return a.level_a < b.level_a; });
+  return levels;
+}
+
+std::vector<PopulationParameter> describe(const VectorXd& mean, const MatrixXd& covariance, Index dynamic) {
+  std::vector<PopulationParameter> parameters;
+  for (Index j = 0; j < dynamic; ++j) {
+    PopulationParameter parameter{.transform = "log", .mean = mean(j), .sd = std::sqrt(covariance(j, j))};
+    if (j == 0) {
+      parameter.name = "natural_frequency_rad_s";
+      parameter.unit = "rad/s";
+    } else if (j == 1) {
+      parameter.name = "damping_ratio";
+    } else if (j == dynamic - 1) {
+      parameter.name = "delay_s";
+      parameter.unit = "s";
+      parameter.transform = "linear";
+    } else {
+      parameter.name = fmt::format("time_constant_{}_s", j - 1);
+      parameter.unit = "s";
+    }
+    parameters.push_back(std::move(parameter));
+  }
+  return parameters;
+}
+
+/// Facts about the recordings themselves: ranges, tests, sampling, noise.
+void describe_recordings(const std::vector<const Member*>& members, Reference& reference) {
+  std::vector<double> periods, noises;
+  std::set<std::string> tests;
+  reference.input_min = std::numeric_limits<double>::infinity();
+  reference.input_max = -reference.input_min;
+  for (const Member* member : members) {
+    for (const Recording& recording : member->valve->recordings) {
+      const auto [least, most] = std::minmax_element(recording.input.values.begin(), recording.input.values.end());
+      reference.input_min = std::min(reference.input_min, *least);
+      reference.input_max = std::max(reference.input_max, *most);
+      periods.push_back(recording.sample_period_s);
+      noises.push_back(noise_floor(recording).rms);
+      tests.insert(to_string(recording.test));
+    }
+  }
+  const auto median = [](std::vector<double>& values) {
+    std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
+    return values[values.size() / 2];
+  };
+  reference.sample_period_s = median(periods);
+  reference.noise_floor = median(noises);
+  reference.tests.assign(tests.begin(), tests.end());
+}
+
+}  // namespace
+
+Result<Reference> learn_reference(std::span<const ValveRecordings> valves, const std::string& valve_type) {
+  if (valves.size() < static_cast<std::size_t>(kFewestReferenceValves)) {
+    return fail("too_few_valves", fmt::format("a reference needs at least {} good valves, here {} {}", kFewestReferenceValves,
+                                              valves.size() == 1 ? "is" : "are", valves.size()));
+  }
+  std::vector<Recording> all;
+  ValveFitOptions options;
+  for (const ValveRecordings& valve : valves) {
+    auto knots = map_knots(valve.recordings);
+    if (!knots) return tl::unexpected(knots.error());
+    if (options.knots.empty()) options.knots = *knots;
+    while (knots->front() < options.knots.front() - 1e-9) options.knots.insert(options.knots.begin(), 2 * options.knots[0] - options.knots[1]);
+    while (knots->back() > options.knots.back() + 1e-9) options.knots.push_back(2 * options.knots.back() - options.knots[options.knots.size() - 2]);
+  }
+
+  std::vector<Member> members;
+  for (const ValveRecordings& valve : valves) {
+    auto fit = members.empty() ? choose_order(valve, options) : fit_member(valve, options);
+    if (!fit) return tl::unexpected(fit.error());
+    Member member{.valve = &valve, .fit = std::move(*fit)};
+    member.vector = parameter_vector(member.fit);
+    if (members.empty()) options.start = member.fit.dynamics;
+    members.push_back(std::move(member));
+  }
+  const Index dynamic = options.order + 1;
+  point_out_outliers(members, dynamic);
+  const auto used = used_members(members);
+  const VectorXd mean = mean_of(used);
+  const MatrixXd covariance = shrunk_covariance(used, mean);
+
+  Reference reference;
+  reference.valve_type = valve_type;
+  reference.valves = static_cast<int>(used.size());
+  for (const Member& member : members) {
+    reference.members.push_back({member.valve->serial, static_cast<int>(member.valve->recordings.size()), member.fit.rmse,
+                                 member.distance, member.used});
+  }
+  reference.model = model_of(mean, dynamic, options.knots);
+  reference.parameters = describe(mean, covariance, dynamic);
+  for (Index k = dynamic; k < mean.size(); ++k) reference.map_sd.push_back(std::sqrt(covariance(k, k)));
+  reference.covariance.assign(covariance.data(), covariance.data() + covariance.size());
+  reference.prior_degrees_of_freedom = static_cast<double>(used.size() - 1);
+  describe_recordings(used, reference);
+  reference.window = default_window(used);
+  auto levels = level_populations(members, dynamic, options.knots, reference.window);
+  if (!levels) return tl::unexpected(levels.error());
+  reference.levels = std::move(*levels);
+  return reference;
+}
+
+}  // namespace valvetriage
