@@ -35,7 +35,8 @@ struct Baseline {
 /// Figures of the step response at one current level.
 struct LevelFigures {
   double level_a = 0;
-  std::optional<double> error_eq20;      ///< measured against the population mean [psi/s]; empty: window not covered
+  std::optional<double> error_eq20;      ///< against the population mean (else the baseline); empty: window not covered
+  std::optional<double> error_eq20_own;  ///< the other reading of Eq 20: against the valve's own fit
   std::optional<double> settling_error;  ///< |measured − simulated| at the end of the window [psi]
   std::optional<double> rise_time_s;     ///< 10 to 90 % of the measured rise
 };
@@ -48,9 +49,10 @@ struct RecordingFigures {
 };
 
 struct Simulation {
-  double rmse = 0;
+  double rmse = 0;  ///< NaN where the baseline cannot be simulated (`reason` of the verdict: unstable)
   double fit_percent = 0;
   double noise_floor = 0;
+  Eq20Window window;  ///< on which the figures by level were taken
   std::vector<LevelFigures> by_level;
   std::vector<RecordingFigures> per_recording;
 };

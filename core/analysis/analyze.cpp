@@ -1,0 +1,281 @@
+#include "core/analysis/analyze.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "core/analysis/classify_valve.h"
+#include "core/identify/baseline.h"
+#include "core/identify/valve_fit.h"
+#include "core/residual/fit_figures.h"
+#include "core/residual/noise_floor.h"
+#include "core/residual/step_response.h"
+
+namespace valvetriage {
+namespace {
+
+constexpr double kLevelTolerance_a = 0.02;
+// Inputs this far beyond the reference's still lie in its end knots, half a spacing away.
+constexpr double kOutsideMargin_a = 0.0125;
+// Default window where neither a reference nor a rule base brings one.
+constexpr double kSelfWindowRate_hz = 200.0;
+constexpr double kSelfWindowDuration_s = 2.0;
+
+/// Free runs that an analysis compares with: what `simulation` is about, and what Eq 20 is taken against.
+struct FreeRuns {
+  std::vector<std::vector<double>> baseline;
+  std::vector<std::vector<double>> population;  ///< of the reference's mean; else the same as the baseline
+  bool unstable = false;
+};
+
+bool all_in_valve_units(std::span<const Recording> recordings) {
+  return std::all_of(recordings.begin(), recordings.end(), [](const Recording& r) { return r.has_valve_units(); });
+}
+
+bool any_feedback(std::span<const Recording> recordings) {
+  return std::any_of(recordings.begin(), recordings.end(), [](const Recording& r) {
+    return std::any_of(r.quality.begin(), r.quality.end(), [](const QualityItem& q) { return q.code == "feedback"; });
+  });
+}
+
+Result<Baseline> choose_baseline(std::span<const Recording> recordings, const AnalysisOptions& options) {
+  const bool units = all_in_valve_units(recordings);
+  if (options.baseline == BaselineKind::kReference || (!options.baseline && options.reference && units)) {
+    if (!options.reference) return fail("no_reference", "the baseline 'reference' needs a reference");
+    if (!units) {
+      return fail("units", "a reference is in A and psi; these recordings are not, so the baseline can only be 'self'");
+    }
+    return Baseline{.kind = BaselineKind::kReference,
+                    .reason = fmt::format("compared with {} good valves of type '{}'", options.reference->valves,
+                                          options.reference->valve_type),
+                    .reference = options.reference};
+  }
+  if (options.baseline == BaselineKind::kPaper) {
+    return Baseline{.kind = BaselineKind::kPaper, .reason = "the linear model of the paper was asked for"};
+  }
+  std::string reason = "asked for";
+  if (!options.baseline) {
+    reason = options.reference ? "the recordings are not in A and psi, so the reference does not apply"
+                               : "no reference of good valves was given, so the recording is compared with its own fit";
+  }
+  return Baseline{.kind = BaselineKind::kSelf, .reason = reason};
+}
+
+ValvePrior prior_of(const Reference& reference) {
+  const auto dynamic = static_cast<Eigen::Index>(reference.parameters.size());
+  Eigen::VectorXd mean(dynamic);
+  for (Eigen::Index j = 0; j < dynamic; ++j) mean(j) = reference.parameters[static_cast<std::size_t>(j)].mean;
+  const Eigen::Index p = dynamic + static_cast<Eigen::Index>(reference.map_sd.size());
+  // A Student t with few degrees of freedom is wider than its scale: the normal prior takes its variance where that
+  // exists, and the uncertainty of a mean over n valves on top.
+  const double n = reference.valves;
+  const double dof = reference.prior_degrees_of_freedom;
+  const double widen = (dof > 2 ? dof / (dof - 2) : 10.0) * (1 + 1 / n);
+  return {to_dynamics(mean), *reference.model.map,
+          widen * Eigen::Map<const Eigen::MatrixXd>(reference.covariance.data(), p, p)};
+}
+
+/// Samples whose input the reference never saw take no part in the fit and are reported.
+Recording within_reference(const Recording& recording, const Reference& reference, std::size_t& outside) {
+  Recording kept = recording;
+  outside = 0;
+  for (std::size_t i = 0; i < recording.samples(); ++i) {
+    const double u = recording.input.values[i];
+    if (u >= reference.input_min - kOutsideMargin_a && u <= reference.input_max + kOutsideMargin_a) continue;
+    if (kept.valid.empty()) kept.valid.assign(recording.samples(), 1);
+    kept.valid[i] = 0;
+    ++outside;
+  }
+  return kept;
+}
+
+QualityItem outside_item(const Reference& reference, std::size_t count) {
+  return {"outside_reference",
+          fmt::format("the input leaves the reference's range of {:.3f} to {:.3f} A; those samples are left out of verdict and naming",
+                      reference.input_min, reference.input_max),
+          count};
+}
+
+Result<FreeRuns> run_reference(std::span<const Recording> recordings, Analysis& analysis) {
+  const Reference& reference = *analysis.baseline.reference;
+  std::vector<Recording> kept;
+  for (std::size_t r = 0; r < recordings.size(); ++r) {
+    std::size_t outside = 0;
+    kept.push_back(within_reference(recordings[r], reference, outside));
+    if (outside > 0) analysis.recordings[r].quality.push_back(outside_item(reference, outside));
+  }
+  ValveFitOptions options;
+  options.knots = reference.model.map->input;
+  options.order = static_cast<int>(reference.parameters.size()) - 1;
+  options.prior = prior_of(reference);
+  auto fit = fit_valve(kept, options);
+  if (!fit) return tl::unexpected(fit.error());
+  analysis.baseline.model = to_model(*fit);
+
+  FreeRuns runs{.baseline = std::move(fit->simulated)};
+  for (const Recording& recording : recordings) {
+    auto population = simulate(reference.model, recording, InitialState{});
+    if (!population) return tl::unexpected(population.error());
+    runs.population.push_back(std::move(*population));
+  }
+  return runs;
+}
+
+Result<FreeRuns> run_fitted(std::span<const Recording> recordings, Analysis& analysis) {
+  auto fitted = analysis.baseline.kind == BaselineKind::kPaper ? fit_paper_baseline(recordings) : fit_self_baseline(recordings);
+  if (!fitted) return tl::unexpected(fitted.error());
+  analysis.baseline.model = fitted->model;
+  FreeRuns runs;
+  if (!fitted->identification.stable) {
+    runs.unstable = true;
+    return runs;
+  }
+  runs.baseline = std::move(fitted->simulated);
+  runs.population = runs.baseline;
+  return runs;
+}
+
+Simulation figures_of(std::span<const Recording> recordings, const FreeRuns& runs) {
+  constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+  Simulation simulation{.rmse = kUnknown, .fit_percent = kUnknown};
+  std::vector<double> measured, simulated;
+  std::vector<std::uint8_t> valid;
+  double noise_squares = 0, samples = 0;
+  for (std::size_t r = 0; r < recordings.size(); ++r) {
+    const Recording& recording = recordings[r];
+    RecordingFigures figures{.name = recording.name, .rmse = kUnknown, .fit_percent = kUnknown,
+                             .noise_floor = noise_floor(recording).rms};
+    noise_squares += figures.noise_floor * figures.noise_floor * static_cast<double>(recording.samples());
+    samples += static_cast<double>(recording.samples());
+    if (!runs.unstable) {
+      const FitFigures fit = fit_figures(recording.output.values, runs.baseline[r], recording.valid);
+      figures.rmse = fit.rmse;
+      figures.fit_percent = fit.fit_percent;
+      measured.insert(measured.end(), recording.output.values.begin(), recording.output.values.end());
+      simulated.insert(simulated.end(), runs.baseline[r].begin(), runs.baseline[r].end());
+      for (std::size_t i = 0; i < recording.samples(); ++i) valid.push_back(recording.is_valid(i) ? 1 : 0);
+    }
+    simulation.per_recording.push_back(std::move(figures));
+  }
+  simulation.noise_floor = std::sqrt(noise_squares / samples);
+  if (!runs.unstable) {
+    const FitFigures fit = fit_figures(measured, simulated, valid);
+    simulation.rmse = fit.rmse;
+    simulation.fit_percent = fit.fit_percent;
+  }
+  return simulation;
+}
+
+Eq20Window window_for(const Baseline& baseline, const AnalysisOptions& options) {
+  if (options.rule_base && holds_for_recordings(*options.rule_base)) {
+    return {options.rule_base->window->rate_hz, options.rule_base->window->duration_s};
+  }
+  if (baseline.reference) return baseline.reference->window;
+  return {kSelfWindowRate_hz, kSelfWindowDuration_s};
+}
+
+/// Several steps to one level become one figure: errors as root mean square, the others as means.
+class LevelAverage {
+ public:
+  explicit LevelAverage(double level) : level_(level) {}
+  bool is_at(double level) const { return std::abs(level - level_) < kLevelTolerance_a; }
+
+  void add(const LevelFigures& step) {
+    const auto square = [](std::optional<double> v) { return v ? std::optional(*v * *v) : v; };
+    error_.add(square(step.error_eq20));
+    own_.add(square(step.error_eq20_own));
+    settling_.add(step.settling_error);
+    rise_.add(step.rise_time_s);
+  }
+
+  LevelFigures figures() const {
+    const auto root = [](std::optional<double> v) { return v ? std::optional(std::sqrt(*v)) : v; };
+    return {level_, root(error_.mean()), root(own_.mean()), settling_.mean(), rise_.mean()};
+  }
+
+ private:
+  struct Mean {
+    double sum = 0;
+    int n = 0;
+    void add(std::optional<double> v) {
+      if (!v) return;
+      sum += *v;
+      ++n;
+    }
+    std::optional<double> mean() const { return n > 0 ? std::optional(sum / n) : std::nullopt; }
+  };
+  double level_;
+  Mean error_, own_, settling_, rise_;
+};
+
+bool outside(const Baseline& baseline, double level) {
+  return baseline.reference && (level < baseline.reference->input_min - kOutsideMargin_a ||
+                                level > baseline.reference->input_max + kOutsideMargin_a);
+}
+
+std::vector<LevelFigures> figures_by_level(std::span<const Recording> recordings, const FreeRuns& runs,
+                                           const Baseline& baseline, const Eq20Window& window) {
+  std::vector<LevelAverage> levels;
+  for (std::size_t r = 0; r < recordings.size(); ++r) {
+    const Recording& recording = recordings[r];
+    const auto steps = rising_steps(recording, r);
+    if (steps.empty()) continue;
+    const double noise = noise_floor(recording).rms;
+    for (const StepWindow& step : steps) {
+      if (outside(baseline, step.level)) continue;
+      LevelFigures figures{.level_a = step.level};
+      if (!runs.unstable) {
+        figures.error_eq20 = error_eq20(recording, runs.population[r], step, window);
+        figures.error_eq20_own = error_eq20(recording, runs.baseline[r], step, window);
+        figures.settling_error = settling_error(recording, runs.population[r], step, window);
+      }
+      figures.rise_time_s = measured_rise_time_s(recording, step, window, noise);
+      auto known = std::find_if(levels.begin(), levels.end(), [&](const auto& l) { return l.is_at(step.level); });
+      if (known == levels.end()) known = levels.emplace(levels.end(), std::round(step.level * 100) / 100);
+      known->add(figures);
+    }
+  }
+  std::vector<LevelFigures> by_level;
+  for (const LevelAverage& level : levels) by_level.push_back(level.figures());
+  std::sort(by_level.begin(), by_level.end(), [](const auto& a, const auto& b) { return a.level_a < b.level_a; });
+  return by_level;
+}
+
+}  // namespace
+
+Result<Analysis> analyze(std::span<const Recording> recordings, const AnalysisOptions& options) {
+  if (recordings.empty()) return fail("no_recordings", "there is nothing to analyse: no recording was given");
+  Analysis analysis;
+  for (const Recording& recording : recordings) {
+    analysis.recordings.push_back({.name = recording.name,
+                                   .samples = recording.samples(),
+                                   .sample_rate_hz = recording.sample_rate_hz(),
+                                   .test = recording.test,
+                                   .quality = recording.quality});
+  }
+  auto baseline = choose_baseline(recordings, options);
+  if (!baseline) return tl::unexpected(baseline.error());
+  analysis.baseline = std::move(*baseline);
+
+  auto runs = analysis.baseline.kind == BaselineKind::kReference ? run_reference(recordings, analysis)
+                                                                 : run_fitted(recordings, analysis);
+  if (!runs) return tl::unexpected(runs.error());
+  analysis.simulation = figures_of(recordings, *runs);
+  analysis.simulation.window = window_for(analysis.baseline, options);
+  if (all_in_valve_units(recordings)) {
+    analysis.simulation.by_level = figures_by_level(recordings, *runs, analysis.baseline, analysis.simulation.window);
+  }
+  analysis.classification = classify_valve({.by_level = analysis.simulation.by_level,
+                                            .baseline = analysis.baseline.kind,
+                                            .valve_units = all_in_valve_units(recordings),
+                                            .feedback = any_feedback(recordings),
+                                            .unstable = runs->unstable},
+                                           options.rule_base);
+  analysis.simulated = std::move(runs->baseline);
+  return analysis;
+}
+
+}  // namespace valvetriage
