@@ -94,7 +94,8 @@ Recording within_reference(const Recording& recording, const Reference& referenc
 
 QualityItem outside_item(const Reference& reference, std::size_t count) {
   return {"outside_reference",
-          fmt::format("the input leaves the reference's range of {:.3f} to {:.3f} A; those samples are left out of verdict and naming",
+          fmt::format("the input leaves the reference's range of {:.3f} to {:.3f} A; those samples are left out of "
+                      "verdict and naming",
                       reference.input_min, reference.input_max),
           count};
 }
@@ -125,7 +126,8 @@ Result<FreeRuns> run_reference(std::span<const Recording> recordings, Analysis& 
 }
 
 Result<FreeRuns> run_fitted(std::span<const Recording> recordings, Analysis& analysis) {
-  auto fitted = analysis.baseline.kind == BaselineKind::kPaper ? fit_paper_baseline(recordings) : fit_self_baseline(recordings);
+  auto fitted =
+      analysis.baseline.kind == BaselineKind::kPaper ? fit_paper_baseline(recordings) : fit_self_baseline(recordings);
   if (!fitted) return tl::unexpected(fitted.error());
   analysis.baseline.model = fitted->model;
   FreeRuns runs;
@@ -146,8 +148,8 @@ Simulation figures_of(std::span<const Recording> recordings, const FreeRuns& run
   double noise_squares = 0, samples = 0;
   for (std::size_t r = 0; r < recordings.size(); ++r) {
     const Recording& recording = recordings[r];
-    RecordingFigures figures{.name = recording.name, .rmse = kUnknown, .fit_percent = kUnknown,
-                             .noise_floor = noise_floor(recording).rms};
+    RecordingFigures figures{
+        .name = recording.name, .rmse = kUnknown, .fit_percent = kUnknown, .noise_floor = noise_floor(recording).rms};
     noise_squares += figures.noise_floor * figures.noise_floor * static_cast<double>(recording.samples());
     samples += static_cast<double>(recording.samples());
     if (!runs.unstable) {

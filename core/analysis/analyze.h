@@ -10,9 +10,9 @@ namespace valvetriage {
 
 /// What an analysis is made with, besides the recordings.
 struct AnalysisOptions {
-  std::optional<Reference> reference;     ///< the population of good valves of this type
-  std::optional<RuleBase> rule_base;      ///< what turns figures into a verdict
-  std::optional<BaselineKind> baseline;   ///< empty: the reference where there is one and the units fit, else `self`
+  std::optional<Reference> reference;    ///< the population of good valves of this type
+  std::optional<RuleBase> rule_base;     ///< what turns figures into a verdict
+  std::optional<BaselineKind> baseline;  ///< empty: the reference where there is one and the units fit, else `self`
 };
 
 /// Analyses one valve's recordings together: baseline, free-run simulation, residual figures by level, verdict.

@@ -20,29 +20,33 @@ ClassificationResult none(NoVerdict reason, std::string explanation, std::string
 
 std::optional<ClassificationResult> obstacle(const VerdictInputs& inputs, const std::optional<RuleBase>& rule_base) {
   if (inputs.feedback) {
-    return none(NoVerdict::kFeedback,
-                "the input follows the output: the recording shows a controller rather than the valve; record it in open loop",
-                "retest");
+    return none(
+        NoVerdict::kFeedback,
+        "the input follows the output: the recording shows a controller rather than the valve; record it in open loop",
+        "retest");
   }
   if (!inputs.valve_units) {
-    return none(NoVerdict::kUnits, "input and output are not a current and a pressure, and a verdict is defined for those alone",
+    return none(NoVerdict::kUnits,
+                "input and output are not a current and a pressure, and a verdict is defined for those alone",
                 "retest");
   }
   if (inputs.unstable) {
-    return none(NoVerdict::kUnstable, "the baseline is unstable, so it cannot be simulated and leaves no residual to judge",
-                "retest");
+    return none(NoVerdict::kUnstable,
+                "the baseline is unstable, so it cannot be simulated and leaves no residual to judge", "retest");
   }
   if (inputs.baseline != BaselineKind::kReference) {
     return none(NoVerdict::kSelfBaseline,
                 "the valve was compared with itself; a verdict needs a reference learned from good valves", "engineer");
   }
   if (!rule_base) {
-    return none(NoVerdict::kNoRuleBase, "no rule base was given; learn one from labelled valves of this stand", "engineer");
+    return none(NoVerdict::kNoRuleBase, "no rule base was given; learn one from labelled valves of this stand",
+                "engineer");
   }
   if (!holds_for_recordings(*rule_base)) {
-    return none(NoVerdict::kNoRuleBase,
-                fmt::format("rule base '{}' has no sampling rate and duration, so it holds for tables only", rule_base->name),
-                "engineer");
+    return none(
+        NoVerdict::kNoRuleBase,
+        fmt::format("rule base '{}' has no sampling rate and duration, so it holds for tables only", rule_base->name),
+        "engineer");
   }
   return std::nullopt;
 }
@@ -92,7 +96,9 @@ ClassificationResult judged(const Classification& classification) {
 
 }  // namespace
 
-bool holds_for_recordings(const RuleBase& rule_base) { return rule_base.window.has_value(); }
+bool holds_for_recordings(const RuleBase& rule_base) {
+  return rule_base.window.has_value();
+}
 
 ClassificationResult classify_valve(const VerdictInputs& inputs, const std::optional<RuleBase>& rule_base) {
   ClassificationResult result;

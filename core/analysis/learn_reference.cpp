@@ -90,7 +90,8 @@ VectorXd outlier_figures(const Member& member, Index dynamic) {
   VectorXd figures(dynamic + 1 + kMapFigures);
   figures.head(dynamic) = member.vector.head(dynamic);
   figures(dynamic) = std::log(std::max(member.fit.rmse, 1e-12));
-  for (Index k = 0; k < kMapFigures; ++k) figures(dynamic + 1 + k) = member.vector(dynamic + k * (knots - 1) / (kMapFigures - 1));
+  for (Index k = 0; k < kMapFigures; ++k)
+    figures(dynamic + 1 + k) = member.vector(dynamic + k * (knots - 1) / (kMapFigures - 1));
   return figures;
 }
 
@@ -124,7 +125,8 @@ void point_out_outliers(std::vector<Member>& members, Index dynamic) {
     if (used <= kFewestReferenceValves) return;
     const double figures = static_cast<double>(outlier_figures(*worst, dynamic).size());
     const boost::math::students_t student(used - 2);
-    const double limit = boost::math::quantile(boost::math::complement(student, kOutlierSignificance / (2 * used * figures)));
+    const double limit =
+        boost::math::quantile(boost::math::complement(student, kOutlierSignificance / (2 * used * figures)));
     if (worst->distance <= limit) return;
     worst->used = false;
   }
@@ -283,8 +285,9 @@ void describe_recordings(const std::vector<const Member*>& members, Reference& r
 
 Result<Reference> learn_reference(std::span<const ValveRecordings> valves, const std::string& valve_type) {
   if (valves.size() < static_cast<std::size_t>(kFewestReferenceValves)) {
-    return fail("too_few_valves", fmt::format("a reference needs at least {} good valves, here {} {}", kFewestReferenceValves,
-                                              valves.size() == 1 ? "is" : "are", valves.size()));
+    return fail("too_few_valves",
+                fmt::format("a reference needs at least {} good valves, here {} {}", kFewestReferenceValves,
+                            valves.size() == 1 ? "is" : "are", valves.size()));
   }
   std::vector<Recording> all;
   ValveFitOptions options;
@@ -292,8 +295,10 @@ Result<Reference> learn_reference(std::span<const ValveRecordings> valves, const
     auto knots = map_knots(valve.recordings);
     if (!knots) return tl::unexpected(knots.error());
     if (options.knots.empty()) options.knots = *knots;
-    while (knots->front() < options.knots.front() - 1e-9) options.knots.insert(options.knots.begin(), 2 * options.knots[0] - options.knots[1]);
-    while (knots->back() > options.knots.back() + 1e-9) options.knots.push_back(2 * options.knots.back() - options.knots[options.knots.size() - 2]);
+    while (knots->front() < options.knots.front() - 1e-9)
+      options.knots.insert(options.knots.begin(), 2 * options.knots[0] - options.knots[1]);
+    while (knots->back() > options.knots.back() + 1e-9)
+      options.knots.push_back(2 * options.knots.back() - options.knots[options.knots.size() - 2]);
   }
 
   std::vector<Member> members;
@@ -315,8 +320,8 @@ Result<Reference> learn_reference(std::span<const ValveRecordings> valves, const
   reference.valve_type = valve_type;
   reference.valves = static_cast<int>(used.size());
   for (const Member& member : members) {
-    reference.members.push_back({member.valve->serial, static_cast<int>(member.valve->recordings.size()), member.fit.rmse,
-                                 member.distance, member.used});
+    reference.members.push_back({member.valve->serial, static_cast<int>(member.valve->recordings.size()),
+                                 member.fit.rmse, member.distance, member.used});
   }
   reference.model = model_of(mean, dynamic, options.knots);
   reference.parameters = describe(mean, covariance, dynamic);

@@ -37,13 +37,17 @@ Error bad_option(const char* field, std::string expected, std::string found) {
 
 Result<void> check_count(const char* field, int value, int least, int most) {
   if (value >= least && value <= most) return {};
-  return tl::unexpected(bad_option(field, fmt::format("a whole number from {} to {}", least, most), fmt::to_string(value)));
+  return tl::unexpected(
+      bad_option(field, fmt::format("a whole number from {} to {}", least, most), fmt::to_string(value)));
 }
 
 }  // namespace
 
 RlsKernel::RlsKernel(std::vector<double> theta, double lambda, double initial_covariance)
-    : n_(theta.size()), stride_((theta.size() + 1) & ~std::size_t{1}), theta_(std::move(theta)), lambda_(lambda),
+    : n_(theta.size()),
+      stride_((theta.size() + 1) & ~std::size_t{1}),
+      theta_(std::move(theta)),
+      lambda_(lambda),
       largest_trace_(kWindUp * initial_covariance * static_cast<double>(n_)) {
   update_ = update_for<kLargestUnrolled / 2>(stride_);
   theta_.resize(stride_);
@@ -173,9 +177,9 @@ Result<RecursiveLeastSquares> RecursiveLeastSquares::create(const RlsOptions& op
 
 RecursiveLeastSquares::RecursiveLeastSquares(const RlsOptions& options)
     : options_(options),
-      kernel_(options.initial_estimate.empty() ? std::vector<double>(parameter_count(options))
-                                               : options.initial_estimate,
-              options.lambda, options.initial_covariance),
+      kernel_(
+          options.initial_estimate.empty() ? std::vector<double>(parameter_count(options)) : options.initial_estimate,
+          options.lambda, options.initial_covariance),
       inputs_(static_cast<std::size_t>(options.delay_samples + options.input_terms)),
       outputs_(static_cast<std::size_t>(options.order)),
       noise_(options.form == RlsForm::kExtended ? static_cast<std::size_t>(options.noise_terms) : 0),
@@ -183,7 +187,8 @@ RecursiveLeastSquares::RecursiveLeastSquares(const RlsOptions& options)
 
 Result<void> RecursiveLeastSquares::update(double input, double output) {
   if (!std::isfinite(input) || !std::isfinite(output)) {
-    return fail("not_finite", fmt::format("the sample ({}, {}) is not finite; the estimate is unchanged", input, output));
+    return fail("not_finite",
+                fmt::format("the sample ({}, {}) is not finite; the estimate is unchanged", input, output));
   }
   const bool increments = options_.form != RlsForm::kAbsolute;
   const std::size_t lags_filled = seen_ - (increments && seen_ > 0 ? 1 : 0);  // Δ of the first sample does not exist

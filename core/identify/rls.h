@@ -16,7 +16,8 @@ namespace valvetriage {
 ///
 /// kIncremental  increments of input and output, ĉ₁ = 0: the paper's Eq 8. Biased in measurement noise, because
 ///               differencing makes white noise a moving average with a unit root.
-/// kExtended     increments with the noise terms of Eq 7: ξ is replaced by the residual after the update (extended least
+/// kExtended     increments with the noise terms of Eq 7: ξ is replaced by the residual after the update (extended
+/// least
 ///               squares). Removes part of that bias.
 /// kAbsolute     levels with a constant term, y = −Σ a y + Σ b u + offset.
 enum class RlsForm : std::uint8_t { kIncremental, kExtended, kAbsolute };
@@ -24,12 +25,12 @@ enum class RlsForm : std::uint8_t { kIncremental, kExtended, kAbsolute };
 /// Settings of a recursion. Defaults: the paper's form, nothing forgotten, a start that the data soon overrule.
 struct RlsOptions {
   RlsForm form = RlsForm::kIncremental;
-  int order = 2;                         ///< n_a, number of a, 1 to kMaxRlsTerms
-  int input_terms = 3;                   ///< number of b (b₀, b₁, …), 1 to kMaxRlsTerms
-  int noise_terms = 1;                   ///< number of c in the extended form; Eq 7 has one
-  int delay_samples = 0;                 ///< k, 0 to kMaxRlsDelay
-  double lambda = 1;                     ///< forgetting factor, 0 < λ ≤ 1; 1 forgets nothing
-  double initial_covariance = 1e6;       ///< P(0) = this times the identity
+  int order = 2;                           ///< n_a, number of a, 1 to kMaxRlsTerms
+  int input_terms = 3;                     ///< number of b (b₀, b₁, …), 1 to kMaxRlsTerms
+  int noise_terms = 1;                     ///< number of c in the extended form; Eq 7 has one
+  int delay_samples = 0;                   ///< k, 0 to kMaxRlsDelay
+  double lambda = 1;                       ///< forgetting factor, 0 < λ ≤ 1; 1 forgets nothing
+  double initial_covariance = 1e6;         ///< P(0) = this times the identity
   std::vector<double> initial_estimate{};  ///< θ̂(0), or empty for zeros
 };
 

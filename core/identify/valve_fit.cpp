@@ -87,7 +87,8 @@ class Problem {
     for (const Recording& recording : recordings) prepared_.push_back(prepare(recording, options.knots));
     states_ = static_cast<Index>(prepared_.size()) * options.order;
     if (options.prior) {
-      prior_precision_ = options.prior->covariance.ldlt().solve(MatrixXd::Identity(dynamic_ + knots_, dynamic_ + knots_));
+      prior_precision_ =
+          options.prior->covariance.ldlt().solve(MatrixXd::Identity(dynamic_ + knots_, dynamic_ + knots_));
       prior_mean_.resize(dynamic_ + knots_);
       prior_mean_ << to_vector(options.prior->dynamics),
           Eigen::Map<const VectorXd>(options.prior->map.output.data(), knots_);
@@ -372,7 +373,8 @@ std::vector<ValveDynamics> starts(const ValveFitOptions& options, std::span<cons
   std::vector<ValveDynamics> fan;
   if (options.start) fan.push_back(*options.start);
   for (const double samples : {4.0, 12.0, 40.0}) {
-    ValveDynamics dynamics{.delay_s = period, .natural_frequency_rad_s = 1.0 / (samples * period), .damping_ratio = 1.0};
+    ValveDynamics dynamics{
+        .delay_s = period, .natural_frequency_rad_s = 1.0 / (samples * period), .damping_ratio = 1.0};
     for (int i = 2; i < options.order; ++i) dynamics.lag_s.push_back(0.5 * samples * period / (i - 1));
     fan.push_back(dynamics);
   }
@@ -439,7 +441,8 @@ Result<std::vector<double>> map_knots(std::span<const Recording> recordings) {
     low = std::min(low, *least);
     high = std::max(high, *most);
   }
-  if (!(high > low)) return fail("constant_input", "the input of these recordings never changes, so no map can be learned");
+  if (!(high > low))
+    return fail("constant_input", "the input of these recordings never changes, so no map can be learned");
   const double first = std::floor(low / kKnotSpacingA) * kKnotSpacingA;
   const auto pieces = std::max(1L, std::lround(std::ceil((high - first) / kKnotSpacingA - 1e-9)));
   std::vector<double> knots;

@@ -20,9 +20,9 @@ struct ValvePrior {
 };
 
 struct ValveFitOptions {
-  std::vector<double> knots;        ///< inputs of the map's knots, strictly increasing, 0.025 A apart or finer
-  int order = 2;                    ///< of the dynamics, 2 to 5
-  std::optional<ValvePrior> prior;  ///< empty: a slight preference for a smooth map alone
+  std::vector<double> knots;           ///< inputs of the map's knots, strictly increasing, 0.025 A apart or finer
+  int order = 2;                       ///< of the dynamics, 2 to 5
+  std::optional<ValvePrior> prior;     ///< empty: a slight preference for a smooth map alone
   std::optional<ValveDynamics> start;  ///< tried first, besides the fan of natural frequencies
   int most_iterations = 40;
 };
@@ -32,10 +32,10 @@ enum class FitTermination { kConverged, kIterationLimit, kNoDescent };
 /// One valve's model, from all its recordings together: shared physics, own initial states.
 struct ValveFit {
   ValveDynamics dynamics;
-  StaticMap map;                                ///< monotone
-  Eigen::MatrixXd covariance;                   ///< p × p, of the vector described at ValvePrior, noise as measured
-  std::vector<std::vector<double>> simulated;   ///< free run on each recording's grid, from its estimated initial state
-  double rmse = 0;                              ///< over all valid samples [psi]
+  StaticMap map;                               ///< monotone
+  Eigen::MatrixXd covariance;                  ///< p × p, of the vector described at ValvePrior, noise as measured
+  std::vector<std::vector<double>> simulated;  ///< free run on each recording's grid, from its estimated initial state
+  double rmse = 0;                             ///< over all valid samples [psi]
   FitTermination termination = FitTermination::kConverged;
   int iterations = 0;
 };
@@ -45,8 +45,8 @@ struct ValveFit {
 ///   y = G(s; ωn, ζ, τ) e^(−s delay) map(u) + free response of the initial state + noise
 ///
 /// Linear in the knots and the initial states, so those columns are exact; the dynamics' sensitivities are differences
-/// of simulations; Gauss-Newton with Levenberg's damping, started from several natural frequencies. Samples that are not
-/// valid take no part. The map is made monotone at the end (pool adjacent violators, weights from the fit).
+/// of simulations; Gauss-Newton with Levenberg's damping, started from several natural frequencies. Samples that are
+/// not valid take no part. The map is made monotone at the end (pool adjacent violators, weights from the fit).
 ///
 /// Errors  no recordings; recordings whose sampling periods allow no simulation; not in valve units
 /// Cost    O(n · (knots + order · recordings)²) per iteration; no allocation per sample

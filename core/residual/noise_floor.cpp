@@ -63,7 +63,8 @@ double from_differences(const Recording& recording) {
   std::vector<double> size;
   size.reserve(y.size());
   for (std::size_t i = 3; i < y.size(); ++i) {
-    if (!recording.is_valid(i) || !recording.is_valid(i - 1) || !recording.is_valid(i - 2) || !recording.is_valid(i - 3)) {
+    if (!recording.is_valid(i) || !recording.is_valid(i - 1) || !recording.is_valid(i - 2) ||
+        !recording.is_valid(i - 3)) {
       continue;
     }
     size.push_back(std::abs(y[i] - 3 * y[i - 1] + 3 * y[i - 2] - y[i - 3]));

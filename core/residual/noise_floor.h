@@ -19,14 +19,13 @@ struct NoiseFloor {
 /// Rms of the noise that no model of the input can explain, without taking dynamics for noise: a step's transient, a
 /// ramp and a sweep leave no trace in it.
 ///
-/// Holds: the last part of each hold that is long enough, minus its own straight line (what is left of a slow tail), its
-/// mean square corrected for the two freedoms; the median over holds, so that one that is still settling does not count.
-/// Differences: (y_t − 3 y_{t−1} + 3 y_{t−2} − y_{t−3}) / √20 removes any local parabola; its robust scale (median
-/// absolute deviation) is the noise as long as the signal is slow against the sampling.
+/// Holds: the last part of each hold that is long enough, minus its own straight line (what is left of a slow tail),
+/// its mean square corrected for the two freedoms; the median over holds, so that one that is still settling does not
+/// count. Differences: (y_t − 3 y_{t−1} + 3 y_{t−2} − y_{t−3}) / √20 removes any local parabola; its robust scale
+/// (median absolute deviation) is the noise as long as the signal is slow against the sampling.
 ///
-/// Quantised outputs: at least one quantisation step over √12 of the smallest step seen, so that a frozen reading is not
-/// called noise-free.
-/// Cost  O(n)
+/// Quantised outputs: at least one quantisation step over √12 of the smallest step seen, so that a frozen reading is
+/// not called noise-free. Cost  O(n)
 NoiseFloor noise_floor(const Recording& recording);
 
 }  // namespace valvetriage

@@ -11,7 +11,8 @@ namespace {
 constexpr double kRateTolerance = 1e-3;
 
 /// Samples of the recording that the window spans, or nothing where they are not all there.
-std::optional<std::size_t> covered_samples(const Recording& recording, const StepWindow& step, const Eq20Window& window) {
+std::optional<std::size_t> covered_samples(const Recording& recording, const StepWindow& step,
+                                           const Eq20Window& window) {
   if (recording.sample_rate_hz() < window.rate_hz * (1 - kRateTolerance)) return std::nullopt;
   const auto needed = static_cast<std::size_t>(std::llround(window.duration_s / recording.sample_period_s));
   if (needed == 0 || step.begin + needed > step.end) return std::nullopt;

@@ -41,9 +41,15 @@ std::optional<Value> value_in(const std::array<std::pair<Value, const char*>, n>
   return std::nullopt;
 }
 
-Json finite_or_null(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
-Json finite_or_null(const std::optional<double>& value) { return value ? finite_or_null(*value) : Json(nullptr); }
-Json text_or_null(const std::optional<std::string>& text) { return text ? Json(*text) : Json(nullptr); }
+Json finite_or_null(double value) {
+  return std::isfinite(value) ? Json(value) : Json(nullptr);
+}
+Json finite_or_null(const std::optional<double>& value) {
+  return value ? finite_or_null(*value) : Json(nullptr);
+}
+Json text_or_null(const std::optional<std::string>& text) {
+  return text ? Json(*text) : Json(nullptr);
+}
 
 Json by_name(const std::map<std::string, double>& values) {
   Json object = Json::object();
@@ -113,9 +119,8 @@ Json to_json(const ClassificationResult& result) {
   for (const LevelVerdict& level : result.per_level) per_level[level.level] = to_json(level);
   Json rule_base = nullptr;
   if (!result.rule_base_name.empty()) {
-    rule_base = Json{{"name", result.rule_base_name},
-                     {"version", result.rule_base_version},
-                     {"sha256", result.rule_base_sha256}};
+    rule_base = Json{
+        {"name", result.rule_base_name}, {"version", result.rule_base_version}, {"sha256", result.rule_base_sha256}};
   }
   return Json{{"verdict", text_or_null(result.verdict)},
               {"reason", result.reason ? Json(to_string(*result.reason)) : Json(nullptr)},
@@ -128,7 +133,9 @@ Json to_json(const ClassificationResult& result) {
 }
 
 /// A number that is null where it was not finite.
-double number_or_nan(JsonFields& fields, const char* name) { return fields.number_or(name, std::nan("")); }
+double number_or_nan(JsonFields& fields, const char* name) {
+  return fields.number_or(name, std::nan(""));
+}
 
 RecordingSummary recording_from_json(JsonFields fields) {
   RecordingSummary recording;
@@ -218,9 +225,15 @@ ClassificationResult classification_from_json(JsonFields fields) {
 
 }  // namespace
 
-std::string to_string(BaselineKind kind) { return name_in(kBaselineKinds, kind); }
-std::optional<BaselineKind> baseline_kind_from(const std::string& name) { return value_in(kBaselineKinds, name); }
-std::string to_string(NoVerdict reason) { return name_in(kNoVerdicts, reason); }
+std::string to_string(BaselineKind kind) {
+  return name_in(kBaselineKinds, kind);
+}
+std::optional<BaselineKind> baseline_kind_from(const std::string& name) {
+  return value_in(kBaselineKinds, name);
+}
+std::string to_string(NoVerdict reason) {
+  return name_in(kNoVerdicts, reason);
+}
 
 std::string result_sha256(Json document) {
   document.erase("timing_s");

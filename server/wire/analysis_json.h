@@ -29,7 +29,8 @@ Json to_json(const Analysis& analysis, const AnalysisMaking& making);
 /// SHA-256 of everything but `timing_s`, the recordings' names and the hash itself.
 std::string result_sha256(Json document);
 
-/// Reads a document back. Of the reference only what the document holds (type, version, hash, number of valves) is there.
+/// Reads a document back. Of the reference only what the document holds (type, version, hash, number of valves) is
+/// there.
 ///
 /// Errors  of the fields, each with its JSON pointer; `result_changed` where the hash does not fit the content
 Result<AnalysisDocument> analysis_from_json(const Json& document);

@@ -23,7 +23,8 @@ nlohmann::json sorted(const Json& value) {
   }
   if (value.is_number_float()) {
     const double number = value.get<double>();
-    if (std::floor(number) == number && std::abs(number) <= kLargestExactInteger) return static_cast<std::int64_t>(number);
+    if (std::floor(number) == number && std::abs(number) <= kLargestExactInteger)
+      return static_cast<std::int64_t>(number);
     return number;
   }
   if (value.is_number_unsigned()) return value.get<std::uint64_t>();
@@ -39,6 +40,8 @@ std::string canonical_json(const Json& document) {
   return sorted(document).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
 }
 
-std::string canonical_sha256(const Json& document) { return sha256_hex(canonical_json(document)); }
+std::string canonical_sha256(const Json& document) {
+  return sha256_hex(canonical_json(document));
+}
 
 }  // namespace valvetriage

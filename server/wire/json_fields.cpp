@@ -42,7 +42,9 @@ const Json* JsonFields::find(std::string_view name) const {
   return at == value_->end() || at->is_null() ? nullptr : &*at;
 }
 
-bool JsonFields::has(std::string_view name) const { return find(name) != nullptr; }
+bool JsonFields::has(std::string_view name) const {
+  return find(name) != nullptr;
+}
 
 const Json& JsonFields::raw(std::string_view name) {
   const Json* value = find(name);

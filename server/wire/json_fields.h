@@ -16,8 +16,8 @@ inline constexpr std::size_t kLargestExactCount = 9'007'199'254'740'992;
 
 /// The fields of one JSON object that came from outside, read by name.
 ///
-/// The first thing wrong is kept in `error` with its JSON pointer, and every later read gives a default value, so that a
-/// reader is a list of fields and one check at its end. `null` counts as absent.
+/// The first thing wrong is kept in `error` with its JSON pointer, and every later read gives a default value, so that
+/// a reader is a list of fields and one check at its end. `null` counts as absent.
 ///
 /// Codes   `missing_field`, `wrong_type`, `unknown_value`, `out_of_range`
 class JsonFields {

@@ -58,7 +58,8 @@ void check_timing(JsonFields& fields, const TransferFunction& g) {
   constexpr double kSampleRounding = 1e-3;  // files round their sample times
   const double samples = g.delay_s / g.sample_time_s;
   if (std::abs(samples - std::round(samples)) > kSampleRounding) {
-    fields.refuse("delay_s", "out_of_range", fmt::format("{} is no whole number of samples of {} s", g.delay_s, g.sample_time_s));
+    fields.refuse("delay_s", "out_of_range",
+                  fmt::format("{} is no whole number of samples of {} s", g.delay_s, g.sample_time_s));
   }
 }
 

@@ -12,7 +12,8 @@ inline constexpr std::size_t kMaxMapKnots = 10000;
 /// {"domain","sample_time_s","zeros":[[re,im]],"poles":[[re,im]],"gain","delay_s"} (CONTRACT section 2).
 Json to_json(const TransferFunction& g);
 
-/// Errors  of JsonFields; roots without their conjugate, more zeros than poles, a negative delay or one that is no whole
+/// Errors  of JsonFields; roots without their conjugate, more zeros than poles, a negative delay or one that is no
+/// whole
 ///         number of samples (z), a sample time that does not fit the domain
 TransferFunction transfer_function_from_json(JsonFields fields);
 

@@ -9,13 +9,19 @@ namespace valvetriage {
 namespace {
 
 Json to_json(const ReferenceMember& member) {
-  return Json{{"serial", member.serial}, {"recordings", member.recordings}, {"rmse", member.rmse},
-              {"distance", member.distance}, {"used", member.used}};
+  return Json{{"serial", member.serial},
+              {"recordings", member.recordings},
+              {"rmse", member.rmse},
+              {"distance", member.distance},
+              {"used", member.used}};
 }
 
 Json to_json(const PopulationParameter& parameter) {
-  return Json{{"name", parameter.name}, {"unit", parameter.unit}, {"transform", parameter.transform},
-              {"mean", parameter.mean}, {"sd", parameter.sd}};
+  return Json{{"name", parameter.name},
+              {"unit", parameter.unit},
+              {"transform", parameter.transform},
+              {"mean", parameter.mean},
+              {"sd", parameter.sd}};
 }
 
 Json to_json(const LevelPopulation& level) {
@@ -95,7 +101,9 @@ void check_sizes(JsonFields& fields, const Reference& reference) {
 
 }  // namespace
 
-std::string reference_sha256(const Reference& reference) { return canonical_sha256(content(reference)); }
+std::string reference_sha256(const Reference& reference) {
+  return canonical_sha256(content(reference));
+}
 
 Json to_json(const Reference& reference) {
   const Json body = content(reference);

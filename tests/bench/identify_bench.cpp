@@ -20,7 +20,8 @@ std::vector<double> regressors(std::size_t parameters) {
 }
 
 template <std::size_t N>
-void floor_update(std::array<double, N>& theta, std::array<double, N * N>& P, const double* phi, double y, double lambda) {
+void floor_update(std::array<double, N>& theta, std::array<double, N * N>& P, const double* phi, double y,
+                  double lambda) {
   std::array<double, N> g{};
   double alpha = lambda;
   double error = y;
@@ -42,7 +43,9 @@ void floor_update(std::array<double, N>& theta, std::array<double, N * N>& P, co
 
 using Clock = std::chrono::steady_clock;
 
-double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
+double seconds_since(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
 
 template <std::size_t N>
 double floor_seconds(const std::vector<double>& rows, double lambda) {

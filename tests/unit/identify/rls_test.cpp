@@ -40,8 +40,8 @@ Eigen::VectorXd batch(const Eigen::MatrixXd& phi, const Eigen::VectorXd& y, doub
     rows.row(i) = weight * phi.row(i);
     rhs[i] = weight * y[i];
   }
-  rows.bottomRows(p) = std::pow(lambda, 0.5 * static_cast<double>(n)) / std::sqrt(initial_covariance) *
-                       Eigen::MatrixXd::Identity(p, p);
+  rows.bottomRows(p) =
+      std::pow(lambda, 0.5 * static_cast<double>(n)) / std::sqrt(initial_covariance) * Eigen::MatrixXd::Identity(p, p);
   return rows.householderQr().solve(rhs);
 }
 
@@ -96,14 +96,16 @@ TEST(Rls, FindsThePlantExactlyWithoutNoiseInEveryForm) {
   const auto u = random_levels(3000, 10, 3);
   const auto y = run(plant, u);
   for (const RlsForm form : {RlsForm::kIncremental, RlsForm::kExtended, RlsForm::kAbsolute}) {
-    const auto rls = fitted({.form = form, .order = 2, .input_terms = 2, .delay_samples = 1, .initial_covariance = 1e12}, u, y);
+    const auto rls =
+        fitted({.form = form, .order = 2, .input_terms = 2, .delay_samples = 1, .initial_covariance = 1e12}, u, y);
     EXPECT_NEAR(rls.theta_hat()[0], plant.a[1], 1e-6);
     EXPECT_NEAR(rls.theta_hat()[1], plant.a[2], 1e-6);
     EXPECT_NEAR(static_gain_of(rls), 470, 0.01);
   }
 }
 
-// paper-notes: 0.35 psi of white noise on a 94 psi step (0.2 A × 470 psi/A) at 200 Hz; published simulations gave 16 and 42.
+// paper-notes: 0.35 psi of white noise on a 94 psi step (0.2 A × 470 psi/A) at 200 Hz; published simulations gave 16
+// and 42.
 TEST(Rls, IncrementalFormIsBadlyBiasedByNoiseAndTheOthersLessSo) {
   std::vector<double> u(2400, 1.4);
   std::fill(u.begin() + 400, u.end(), 1.6);
@@ -133,7 +135,8 @@ TEST(Rls, ForgetsAnOldPlantAsFastAsLambdaSays) {
   auto y = run(before, u);
   const auto later = run(after, u);
   std::copy(later.begin() + 2000, later.end(), y.begin() + 2000);
-  const auto rls = fitted({.form = RlsForm::kAbsolute, .order = 1, .input_terms = 1, .delay_samples = 1, .lambda = 0.98}, u, y);
+  const auto rls =
+      fitted({.form = RlsForm::kAbsolute, .order = 1, .input_terms = 1, .delay_samples = 1, .lambda = 0.98}, u, y);
   EXPECT_NEAR(rls.theta_hat()[0], -0.5, 1e-6);  // 0.98^2000 of the old plant is left: 3e-18
 }
 

@@ -13,7 +13,9 @@ namespace {
 
 const AnalysisMaking kMaking{.engine_version = "0.1.0", .settings_sha256 = "ab", .timing_s = {{"total", 0.5}}};
 
-Json through_text(const Json& document) { return parse_json(dump_json(document)).value(); }
+Json through_text(const Json& document) {
+  return parse_json(dump_json(document)).value();
+}
 
 RC_GTEST_PROP(AnalysisJson, ReadsBackWhatItWrote, ()) {
   const Json written = to_json(generate::analysis(), kMaking);

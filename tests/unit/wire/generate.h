@@ -11,11 +11,21 @@
 
 namespace valvetriage::generate {
 
-inline double number() { return *rc::gen::suchThat(rc::gen::arbitrary<double>(), [](double x) { return std::isfinite(x); }); }
-inline double positive() { return std::abs(number()) + 1e-3; }
-inline int small(int least, int most) { return *rc::gen::inRange(least, most + 1); }
-inline std::string text() { return *rc::gen::container<std::string>(rc::gen::inRange(' ', '\x7f')); }
-inline std::optional<double> maybe_number() { return small(0, 1) ? std::optional<double>(number()) : std::nullopt; }
+inline double number() {
+  return *rc::gen::suchThat(rc::gen::arbitrary<double>(), [](double x) { return std::isfinite(x); });
+}
+inline double positive() {
+  return std::abs(number()) + 1e-3;
+}
+inline int small(int least, int most) {
+  return *rc::gen::inRange(least, most + 1);
+}
+inline std::string text() {
+  return *rc::gen::container<std::string>(rc::gen::inRange(' ', '\x7f'));
+}
+inline std::optional<double> maybe_number() {
+  return small(0, 1) ? std::optional<double>(number()) : std::nullopt;
+}
 
 inline std::vector<double> numbers(std::size_t n) {
   std::vector<double> values(n);
@@ -73,7 +83,8 @@ inline Reference reference() {
   Reference r;
   r.valve_type = text();
   r.version = small(0, 9);
-  for (int i = small(3, 6); i > 0; --i) r.members.push_back({text(), small(1, 9), positive(), positive(), small(0, 1) == 1});
+  for (int i = small(3, 6); i > 0; --i)
+    r.members.push_back({text(), small(1, 9), positive(), positive(), small(0, 1) == 1});
   r.valves = static_cast<int>(r.members.size());
   r.sample_period_s = positive();
   r.model = model(true);

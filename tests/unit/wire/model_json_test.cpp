@@ -9,7 +9,9 @@ namespace valvetriage {
 namespace {
 
 /// What a reader gets: through the text and back.
-Json through_text(const Json& document) { return parse_json(dump_json(document)).value(); }
+Json through_text(const Json& document) {
+  return parse_json(dump_json(document)).value();
+}
 
 Json linear_model() {
   return Json{{"schema", "valvetriage.model/1"},
@@ -51,7 +53,8 @@ RC_GTEST_PROP(ModelJson, NumbersKeepTheirLastBit, ()) {
 }
 
 TEST(ModelJson, AWholeIdentifyResultIsAModel) {
-  Json identify{{"method", "oe"}, {"order", 2}, {"transfer_function", linear_model()["transfer_function"]}, {"stable", true}};
+  Json identify{
+      {"method", "oe"}, {"order", 2}, {"transfer_function", linear_model()["transfer_function"]}, {"stable", true}};
   const auto model = model_from_json(identify);
   ASSERT_TRUE(model.has_value()) << model.error().message;
   EXPECT_EQ(model->kind, "linear");

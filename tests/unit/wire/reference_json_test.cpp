@@ -8,7 +8,9 @@
 namespace valvetriage {
 namespace {
 
-Json through_text(const Json& document) { return parse_json(dump_json(document)).value(); }
+Json through_text(const Json& document) {
+  return parse_json(dump_json(document)).value();
+}
 
 RC_GTEST_PROP(ReferenceJson, ReadsBackWhatItWrote, ()) {
   const Json written = to_json(generate::reference());
