@@ -1,0 +1,29 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string_view>
+
+#include "core/recording/parse_csv.h"
+
+namespace valvetriage {
+
+enum class Compression { kNone, kGzip, kZstd };
+
+/// "x.csv.gz" -> kGzip, "x.csv.zst" -> kZstd, else kNone.
+Compression compression_of_name(std::string_view file_name);
+/// The name of what is inside: "x.csv.gz" -> "x.csv".
+std::string_view expanded_name(std::string_view file_name);
+/// "gzip", "x-gzip", "zstd", "identity" and "" of Content-Encoding; nothing for any other.
+std::optional<Compression> compression_of_encoding(std::string_view content_encoding);
+
+/// The expanded bytes of a compressed source, which has to live longer. kNone counts the bytes and nothing else.
+/// gzip members and zstd frames that follow each other are one text.
+///
+/// max_bytes  bound of the expanded bytes and of the compressed ones
+/// Errors     `too_large`; `malformed_encoding` (broken, cut off, not compressed at all); the source's own
+/// Memory     a fixed buffer, for zstd at most a window of 128 MiB
+std::unique_ptr<ByteSource> expand(Compression compression, ByteSource& source, std::uint64_t max_bytes);
+
+}  // namespace valvetriage
