@@ -1,11 +1,14 @@
 #pragma once
 
+#include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "core/model/static_map.h"
 #include "core/model/transfer_function.h"
+#include "core/recording/intersample.h"
 #include "core/recording/recording.h"
 
 namespace valvetriage {
@@ -35,11 +38,30 @@ struct InitialState {
   std::size_t samples = 0;
 };
 
+/// Whether a model that is not stable may be run.
+///
+/// kUnbounded  a simulation must make sense however long the record is: unstable models are refused by name
+/// kFinite     this record only; where the model has no equilibrium it starts from zero state
+enum class Horizon : std::uint8_t { kUnbounded, kFinite };
+
 /// Free-run simulation: sees the input and the initial state, never a measured output on the way.
 ///
+/// A z-domain model is the recursion that was fitted, run on the samples as they stand; brought to another sample time
+/// it goes through the continuous system of which it is the hold equivalent. An s-domain model is sampled exactly, its
+/// delay to the fraction of a sample, with steps held and everything else linear between samples. Before the first
+/// sample the input has been what it is there.
+///
 /// returns  one value per grid sample of the recording, unit of the output
-/// Errors   `unstable` by name and modulus of the offending pole; a sample time that the model cannot be brought to
-/// Cost     O(n · order)
-Result<std::vector<double>> simulate(const Model& model, const Recording& recording, const InitialState& initial);
+/// Errors   `unstable` by name and modulus of the offending pole; `no_continuous_equivalent`, `fractional_delay` for a
+///          sample time that the model cannot be brought to; `overflow` where a finite horizon was too long
+/// Cost     O(n · order), nothing allocated per sample; a pure function
+Result<std::vector<double>> simulate(const Model& model, const Recording& recording, const InitialState& initial,
+                                     Horizon horizon = Horizon::kUnbounded);
+
+/// The same on an input alone, sample_period_s > 0. `measured` (may be empty) are the outputs that kMeasured takes its
+/// first samples from; NaN marks one that takes no part.
+Result<std::vector<double>> simulate(const Model& model, const IntervalSignal& input, double sample_period_s,
+                                     std::span<const double> measured, const InitialState& initial,
+                                     Horizon horizon = Horizon::kUnbounded);
 
 }  // namespace valvetriage

@@ -21,8 +21,8 @@ enum class Domain : std::uint8_t { kS, kZ };
 struct TransferFunction {
   Domain domain = Domain::kZ;
   double sample_time_s = 0;  ///< 0 in the s domain
-  std::vector<std::complex<double>> zeros;
-  std::vector<std::complex<double>> poles;
+  std::vector<std::complex<double>> zeros{};
+  std::vector<std::complex<double>> poles{};
   double gain = 1;
   double delay_s = 0;
 };
@@ -32,13 +32,14 @@ struct TransferFunction {
 struct RationalCoefficients {
   Domain domain = Domain::kZ;
   double sample_time_s = 0;
-  std::vector<double> b;
-  std::vector<double> a;
+  std::vector<double> b{};
+  std::vector<double> a{};
   int delay_samples = 0;  ///< z domain
   double delay_s = 0;     ///< s domain
 };
 
-/// Roots to coefficients and back. Errors: not_finite, leading coefficient zero, improper.
+/// Roots to coefficients and back. Errors: not_finite, leading_zero, improper,
+/// fractional_delay.
 Result<RationalCoefficients> to_coefficients(const TransferFunction& g);
 Result<TransferFunction> to_transfer_function(const RationalCoefficients& c);
 
@@ -54,10 +55,15 @@ std::vector<std::complex<double>> frequency_response(const TransferFunction& g, 
 /// Zero-order-hold equivalent of a continuous system at a sample time; the delay's fraction of a sample is kept exactly
 /// (modified z-transform). Errors: not stable is no error; improper, sample time not positive are.
 Result<TransferFunction> discretise_zoh(const TransferFunction& continuous, double sample_time_s);
-/// The continuous system whose zero-order-hold equivalent this is. Errors: a pole on the non-positive real axis.
+/// Triangle-hold (first-order-hold) equivalent: exact for inputs that are linear between samples. As discretise_zoh.
+Result<TransferFunction> discretise_foh(const TransferFunction& continuous, double sample_time_s);
+/// The continuous system whose zero-order-hold equivalent this is. Errors: no_continuous_equivalent for a
+/// pole on the non-positive real axis.
 Result<TransferFunction> continuous_from_zoh(const TransferFunction& discrete);
 
-/// What a unit step does: 10-90 % rise time, 2 % settling time, overshoot ratio. Errors: unstable.
+/// What a unit step does: 10-90 % rise time, 2 % settling time, overshoot ratio (of the final value). Settling
+/// counts from the step, delay included. Errors: unstable; no_static_gain; too_slow for a discrete model whose response
+/// takes more than 12 million samples.
 struct StepMetrics {
   double rise_time_s = 0;
   double settling_time_s = 0;

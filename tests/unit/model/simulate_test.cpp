@@ -1,0 +1,133 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "core/model/model.h"
+
+namespace valvetriage {
+namespace {
+
+using Complex = std::complex<double>;
+
+constexpr double kPeriod_s = 0.005;
+
+Recording steps() {
+  Recording r;
+  r.sample_period_s = kPeriod_s;
+  r.input.values.assign(400, 1.2);
+  std::fill(r.input.values.begin() + 100, r.input.values.end(), 1.4);
+  r.output.values.assign(400, 0);
+  r.segments = {{.kind = SegmentKind::kHold, .begin = 0, .end = 100, .level = 1.2},
+                {.kind = SegmentKind::kStep, .begin = 100, .end = 400, .level = 1.4, .from_level = 1.2}};
+  return r;
+}
+
+Model lag_model(double tau) {
+  Model m;
+  m.kind = "linear";
+  m.dynamics = {.domain = Domain::kS, .poles = {-1 / tau}, .gain = 50 / tau};
+  m.output_offset = 3;
+  return m;
+}
+
+TEST(Simulate, StartsSteadyAtTheFirstInputAndHoldsStepCommands) {
+  const double tau = 0.1;
+  const auto y = simulate(lag_model(tau), steps(), {});
+  ASSERT_TRUE(y);
+  for (std::size_t i = 0; i <= 100; ++i) EXPECT_NEAR((*y)[i], 63, 1e-10);
+  for (std::size_t i = 100; i < 400; ++i) {
+    const double t = static_cast<double>(i - 100) * kPeriod_s;
+    EXPECT_NEAR((*y)[i], 63 + 10 * (1 - std::exp(-t / tau)), 1e-10);
+  }
+}
+
+TEST(Simulate, SendsTheInputThroughTheMapBeforeTheDynamics) {
+  Model m = lag_model(0.02);
+  m.dynamics.gain /= 50;
+  m.map = StaticMap{.input = {1.2, 1.4, 1.6}, .output = {3.1, 26, 120}};
+  m.output_offset = 0;
+  const auto y = simulate(m, steps(), {});
+  EXPECT_NEAR(y->front(), 3.1, 1e-12);
+  EXPECT_NEAR(y->back(), 26, 1e-9);
+}
+
+TEST(Simulate, TakesTheInitialStateFromTheFirstMeasuredOutputs) {
+  // The same second-order system from a state that is not steady: its free response is found again from 20 samples.
+  Model m = lag_model(0.1);
+  m.dynamics.poles = {Complex(-8, 25), Complex(-8, -25)};
+  m.dynamics.gain = 50 * (64 + 625);
+  Recording r = steps();
+  const auto steady = *simulate(m, r, {});
+  for (std::size_t i = 0; i < steady.size(); ++i) {
+    const double t = static_cast<double>(i) * kPeriod_s;
+    r.output.values[i] = steady[i] + 5 * std::exp(-8 * t) * std::cos(25 * t + 0.7);
+  }
+  const auto y = simulate(m, r, {.kind = InitialState::Kind::kMeasured, .samples = 20});
+  for (std::size_t i = 0; i < steady.size(); ++i) EXPECT_NEAR((*y)[i], r.output.values[i], 1e-9);
+}
+
+TEST(Simulate, LeavesInvalidSamplesOutOfTheInitialState) {
+  const Model m = lag_model(0.1);
+  Recording r = steps();
+  r.output.values = *simulate(m, r, {});
+  r.valid.assign(r.samples(), 1);
+  r.valid[3] = 0;
+  r.output.values[3] = 1e6;
+  const auto y = simulate(m, r, {.kind = InitialState::Kind::kMeasured, .samples = 10});
+  EXPECT_NEAR((*y)[0], 63, 1e-9);
+}
+
+TEST(Simulate, StaysSteadyWhereTooFewMeasuredSamplesAskForTheSmallestMove) {
+  const Model m = lag_model(0.1);
+  Recording r = steps();
+  r.output.values = *simulate(m, r, {});
+  const auto y = simulate(m, r, {.kind = InitialState::Kind::kMeasured, .samples = 0});
+  EXPECT_EQ(*y, r.output.values);
+}
+
+TEST(Simulate, RefusesAnUnstableModelByItsPole) {
+  Model m = lag_model(0.1);
+  m.dynamics = {
+      .domain = Domain::kZ, .sample_time_s = kPeriod_s, .poles = {Complex(1.0503, 0.2027), Complex(1.0503, -0.2027)}};
+  const auto y = simulate(m, steps(), {});
+  ASSERT_FALSE(y);
+  EXPECT_EQ(y.error().code, "unstable");
+  EXPECT_NE(y.error().message.find("1.0503 ± 0.2027j has modulus 1.0697"), std::string::npos) << y.error().message;
+}
+
+TEST(Simulate, RunsAnUnstableModelOverAFiniteHorizon) {
+  Model m = lag_model(0.1);
+  m.output_offset = 0;
+  m.dynamics = {.domain = Domain::kZ, .sample_time_s = kPeriod_s, .poles = {1.01}, .gain = 1};
+  const auto y = simulate(m, steps(), {}, Horizon::kFinite);
+  ASSERT_TRUE(y);
+  // From the equilibrium −100 · 1.2 the step of 0.2 grows as 0.2 (1.01ⁿ − 1) / 0.01.
+  EXPECT_NEAR((*y)[399], -120 + 20 * (std::pow(1.01, 299) - 1), 1e-6);
+}
+
+TEST(Simulate, SaysWhenAFiniteHorizonWasTooLong) {
+  Model m = lag_model(0.1);
+  m.dynamics = {.domain = Domain::kZ, .sample_time_s = kPeriod_s, .poles = {1000.0}, .gain = 1};
+  EXPECT_EQ(simulate(m, steps(), {}, Horizon::kFinite).error().code, "overflow");
+}
+
+TEST(Simulate, BringsADiscreteModelToAnotherSampleTime) {
+  Model m = lag_model(0.1);
+  const auto wanted = *simulate(m, steps(), {});
+  m.dynamics = *discretise_zoh(m.dynamics, 0.02);
+  const auto y = simulate(m, steps(), {});
+  ASSERT_TRUE(y);
+  for (std::size_t i = 0; i < wanted.size(); ++i) EXPECT_NEAR((*y)[i], wanted[i], 1e-9);
+}
+
+TEST(Simulate, RefusesASampleTimeThatADiscreteModelCannotBeBroughtTo) {
+  Model m = lag_model(0.1);
+  m.dynamics = {.domain = Domain::kZ, .sample_time_s = 0.02, .poles = {-0.3}, .gain = 1};
+  const auto y = simulate(m, steps(), {});
+  ASSERT_FALSE(y);
+  EXPECT_EQ(y.error().code, "no_continuous_equivalent");
+}
+
+}  // namespace
+}  // namespace valvetriage
