@@ -57,7 +57,11 @@ Result<LinearFilter> filter_for(const TransferFunction& g, double period_s) {
 
 IntervalSignal driving_signal(const Model& model, IntervalSignal signal) {
   for (std::vector<double>* side : {&signal.start, &signal.end}) {
-    for (double& u : *side) u = model.map ? (*model.map)(u) : u - model.input_offset;
+    if (model.map) {
+      model.map->apply(*side);
+    } else {
+      for (double& u : *side) u -= model.input_offset;
+    }
   }
   return signal;
 }

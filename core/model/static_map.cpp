@@ -30,6 +30,21 @@ double StaticMap::operator()(double u) const {
   return output[i] + slope_of(*this, i) * (u - input[i]);
 }
 
+void StaticMap::apply(std::span<double> signal) const {
+  std::size_t i = 0;
+  double slope_here = slope_of(*this, i);
+  const auto on_piece = [&](double u) {
+    return (i == 0 || u >= input[i]) && (i + 2 == input.size() || u < input[i + 1]);
+  };
+  for (double& u : signal) {
+    if (!on_piece(u)) {
+      i = piece_of(input, u);
+      slope_here = slope_of(*this, i);
+    }
+    u = output[i] + slope_here * (u - input[i]);
+  }
+}
+
 double StaticMap::slope(double u) const {
   return slope_of(*this, piece_of(input, u));
 }

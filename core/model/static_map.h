@@ -18,6 +18,8 @@ struct StaticMap {
 
   /// Steady output at an input; beyond the ends the end value's tangent of the last piece.
   double operator()(double u) const;
+  /// In place on a signal; quick where neighbours lie on one piece, as those of a recording do.
+  void apply(std::span<double> signal) const;
   /// Slope at an input, unit of output per unit of input.
   double slope(double u) const;
   /// The input that gives an output, the smallest one where the map is flat. Errors: outside the map's range.

@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <numeric>
 #include <random>
 
@@ -21,6 +23,16 @@ TEST(StaticMap, IsLinearBetweenKnotsAndGoesOnWithTheEndSlopes) {
   EXPECT_NEAR(map(1.1), 3.1 - 11.45, 1e-12);
   EXPECT_NEAR(map.slope(1.5), 470, 1e-10);
   EXPECT_NEAR(map.slope(5), 250, 1e-10);
+}
+
+TEST(StaticMap, MapsASignalAsItMapsItsSamples) {
+  const StaticMap map = paper_map();
+  std::vector<double> signal;
+  for (int i = 0; i < 200; ++i) signal.push_back(1.6 + 0.6 * std::sin(0.7 * i));
+  signal.insert(signal.end(), map.input.begin(), map.input.end());
+  std::vector<double> mapped = signal;
+  map.apply(mapped);
+  for (std::size_t i = 0; i < signal.size(); ++i) EXPECT_EQ(mapped[i], map(signal[i]));
 }
 
 TEST(StaticMap, InvertsWhatItMapsAndRefusesWhatItDoesNotReach) {
