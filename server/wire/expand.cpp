@@ -12,8 +12,8 @@ namespace valvetriage {
 namespace {
 
 constexpr std::size_t kPieceBytes = 64 * 1024;
-constexpr int kGzipWindow = 15 + 16;    // zlib: largest window, gzip wrapper only
-constexpr int kMaxZstdWindowLog = 27;   // 128 MiB, what the zstd tool itself accepts without being asked
+constexpr int kGzipWindow = 15 + 16;   // zlib: largest window, gzip wrapper only
+constexpr int kMaxZstdWindowLog = 27;  // 128 MiB, what the zstd tool itself accepts without being asked
 
 tl::unexpected<Error> too_large(std::uint64_t max_bytes) {
   Error error{.code = "too_large"};
@@ -116,7 +116,8 @@ class GzipSource : public CountedSource {
 
 class ZstdSource : public CountedSource {
  public:
-  ZstdSource(ByteSource& source, std::uint64_t max_bytes) : CountedSource(source, max_bytes), stream_(ZSTD_createDStream()) {
+  ZstdSource(ByteSource& source, std::uint64_t max_bytes)
+      : CountedSource(source, max_bytes), stream_(ZSTD_createDStream()) {
     ZSTD_DCtx_setParameter(stream_, ZSTD_d_windowLogMax, kMaxZstdWindowLog);
   }
   ~ZstdSource() override { ZSTD_freeDStream(stream_); }
@@ -171,6 +172,13 @@ std::optional<Compression> compression_of_encoding(std::string_view content_enco
   if (content_encoding == "gzip" || content_encoding == "x-gzip") return Compression::kGzip;
   if (content_encoding == "zstd") return Compression::kZstd;
   return std::nullopt;
+}
+
+Compression compression_of_bytes(std::string_view first_bytes) {
+  if (first_bytes.starts_with("\x1f\x8b")) return Compression::kGzip;
+  const bool skippable =
+      first_bytes.size() >= 4 && (first_bytes[0] & 0xF0) == 0x50 && first_bytes.substr(1, 3) == "\x2a\x4d\x18";
+  return skippable || first_bytes.starts_with("\x28\xb5\x2f\xfd") ? Compression::kZstd : Compression::kNone;
 }
 
 std::unique_ptr<ByteSource> expand(Compression compression, ByteSource& source, std::uint64_t max_bytes) {

@@ -18,6 +18,9 @@ std::string_view expanded_name(std::string_view file_name);
 /// "gzip", "x-gzip", "zstd", "identity" and "" of Content-Encoding; nothing for any other.
 std::optional<Compression> compression_of_encoding(std::string_view content_encoding);
 
+/// By the first bytes: gzip 1f 8b, zstd 28 b5 2f fd or a skippable frame.
+Compression compression_of_bytes(std::string_view first_bytes);
+
 /// The expanded bytes of a compressed source, which has to live longer. kNone counts the bytes and nothing else.
 /// gzip members and zstd frames that follow each other are one text.
 ///

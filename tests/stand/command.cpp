@@ -13,7 +13,9 @@ constexpr double kPeriodS = 0.005;
 constexpr double kRestA = 1.0;
 constexpr std::array<double, 5> kLevelsA = {1.2, 1.4, 1.6, 1.8, 2.0};
 
-std::size_t samples_of(double seconds) { return static_cast<std::size_t>(std::lround(seconds / kPeriodS)); }
+std::size_t samples_of(double seconds) {
+  return static_cast<std::size_t>(std::lround(seconds / kPeriodS));
+}
 
 Command empty(const std::string& name, const std::string& test) {
   Command command;
@@ -124,7 +126,8 @@ Command command_of_samples(const std::string& name, double period_s, std::vector
     return k > 0 && k < command.value_a.size() ? std::abs(command.value_a[k] - command.value_a[k - 1]) : 0.0;
   };
   for (std::size_t k = 1; k < command.value_a.size(); ++k)
-    command.is_step[k] = increment(k) > kSmallestStepA && increment(k) > 4 * std::max(increment(k - 1), increment(k + 1));
+    command.is_step[k] =
+        increment(k) > kSmallestStepA && increment(k) > 4 * std::max(increment(k - 1), increment(k + 1));
   return command;
 }
 

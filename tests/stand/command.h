@@ -9,8 +9,8 @@ namespace valvetriage::stand {
 /// The current the stand plays: values at the sampling instants; between them linear, except that a step is held until
 /// the sample at which the command first has its new value.
 struct Command {
-  std::string name;    ///< file name without suffix, `step_1.4A`
-  std::string test;    ///< the contract's word: step staircase triangle sweep other
+  std::string name;  ///< file name without suffix, `step_1.4A`
+  std::string test;  ///< the contract's word: step staircase triangle sweep other
   double period_s = 0.005;
   std::vector<double> value_a;
   std::vector<char> is_step;  ///< 1 where value_a[k] is entered by a jump at its instant

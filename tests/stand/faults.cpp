@@ -57,7 +57,8 @@ Parameters sensor_drift(Draft d) {
 const std::vector<Effect>& effects() {
   static const std::vector<Effect> table = {
       {{"friction", "valve", "memory", "breakaway over the healthy one [A]", true, 0.012, 0.035}, friction},
-      {{"leakage", "valve", "flow", "loss over through-flow at 210 psi, over the healthy one", true, 0.06, 0.18}, leakage},
+      {{"leakage", "valve", "flow", "loss over through-flow at 210 psi, over the healthy one", true, 0.06, 0.18},
+       leakage},
       {{"extra_lag", "valve", "timing", "time constant of one more lag [s]", true, 0.05, 0.15}, extra_lag},
       {{"thermal_drift", "valve", "slow", "fraction of gain lost when warm", true, 0.05, 0.15}, thermal_drift},
       {{"sensor_offset", "stand", "slow", "offset [psi]", true, 5, 15}, sensor_offset},
@@ -78,15 +79,21 @@ const std::vector<EffectInfo>& effect_table() {
 }
 
 HiddenEffect apply_effect(const EffectRequest& request, const Unit& unit, std::uint64_t seed, Faults& faults) {
-  if (!(request.size >= 0)) throw std::invalid_argument("effect '" + request.effect + "': the size must not be negative");
+  if (!(request.size >= 0))
+    throw std::invalid_argument("effect '" + request.effect + "': the size must not be negative");
   for (const Effect& effect : effects()) {
     if (effect.info.effect != request.effect) continue;
     Random random(seed, "effect " + request.effect);
     Faults scratch;
     Faults& target = request.size > 0 ? faults : scratch;
     const EffectInfo& info = effect.info;
-    return {info.effect,       info.origin,        info.family, request.size,
-            info.size_meaning, info.in_vocabulary, effect.apply({request.size, unit, random, target})};
+    return {info.effect,
+            info.origin,
+            info.family,
+            request.size,
+            info.size_meaning,
+            info.in_vocabulary,
+            effect.apply({request.size, unit, random, target})};
   }
   throw std::invalid_argument("the stand has no effect '" + request.effect + "'");
 }

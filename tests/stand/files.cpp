@@ -53,10 +53,10 @@ std::string unit_json(const Unit& unit) {
 }  // namespace
 
 std::string recording_csv(const SessionOptions& options, const StandRecording& recording) {
-  std::string text = "# serial: " + options.serial + "\n# lot: " + options.lot +
-                     "\n# valve_type: " + options.valve_type + "\n# condition: " + options.condition +
-                     "\n# test: " + recording.test + "\n# stand: " + options.stand +
-                     "\n# tested_at: " + options.tested_at + "\ntime_s,current_A,pressure_psi,temperature_C,supply_psi\n";
+  std::string text =
+      "# serial: " + options.serial + "\n# lot: " + options.lot + "\n# valve_type: " + options.valve_type +
+      "\n# condition: " + options.condition + "\n# test: " + recording.test + "\n# stand: " + options.stand +
+      "\n# tested_at: " + options.tested_at + "\ntime_s,current_A,pressure_psi,temperature_C,supply_psi\n";
   text.reserve(text.size() + recording.time_s.size() * 48);
   for (std::size_t k = 0; k < recording.time_s.size(); ++k) {
     append_fixed(text, recording.time_s[k], 6, ',');

@@ -16,7 +16,8 @@ std::string numbered(const std::string& prefix, int number, const char* format) 
   return prefix + buffer;
 }
 
-FleetValve valve_of(const std::string& serial, const std::string& lot, const std::string& condition, std::uint64_t seed) {
+FleetValve valve_of(const std::string& serial, const std::string& lot, const std::string& condition,
+                    std::uint64_t seed) {
   FleetValve valve;
   Random random(seed, "valve " + serial);
   valve.options.serial = serial;
@@ -31,7 +32,8 @@ FleetValve valve_of(const std::string& serial, const std::string& lot, const std
 
 const EffectInfo& info_of(const std::string& effect) {
   const auto& table = effect_table();
-  const auto row = std::find_if(table.begin(), table.end(), [&](const EffectInfo& info) { return info.effect == effect; });
+  const auto row =
+      std::find_if(table.begin(), table.end(), [&](const EffectInfo& info) { return info.effect == effect; });
   if (row == table.end()) throw std::invalid_argument("the stand has no effect '" + effect + "'");
   return *row;
 }

@@ -10,10 +10,12 @@ namespace valvetriage::stand {
 ///
 ///   h = i + w Σ_j (F_j(i) − i) / n      F_j ← max(i − r_j, min(i + r_j, F_j))
 ///
-/// The full width of the major loop is 2 w mean(r). Source: Brokate and Sprekels, Hysteresis and Phase Transitions, 1996.
+/// The full width of the major loop is 2 w mean(r). Source: Brokate and Sprekels, Hysteresis and Phase Transitions,
+/// 1996.
 class MagneticMemory {
  public:
-  explicit MagneticMemory(double loop_width_a) : weight_(loop_width_a / (2 * kLargestPlayA * (kPlays + 1) / (2.0 * kPlays))) {}
+  explicit MagneticMemory(double loop_width_a)
+      : weight_(loop_width_a / (2 * kLargestPlayA * (kPlays + 1) / (2.0 * kPlays))) {}
 
   /// Effective current [A] if the current went monotonically from the last `remember` to `current_a`.
   double effective_a(double current_a) const {

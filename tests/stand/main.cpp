@@ -93,8 +93,8 @@ SessionOptions session_options(const Arguments& arguments) {
   options.valve_type = arguments.text("valve-type", options.valve_type);
   options.stand = arguments.text("stand", options.stand);
   options.condition = arguments.text("condition", options.condition);
-  options.unit_seed = arguments.has("unit-seed") ? seed_of(arguments.text("unit-seed", ""))
-                                                 : Random::hash(options.serial);
+  options.unit_seed =
+      arguments.has("unit-seed") ? seed_of(arguments.text("unit-seed", "")) : Random::hash(options.serial);
   options.noise_seed = seed_of(arguments.text("noise-seed", "1"));
   if (arguments.has("tests")) options.tests = split(arguments.text("tests", ""));
   if (arguments.has("noise-psi")) options.noise_psi = number(arguments.text("noise-psi", ""));
@@ -144,8 +144,10 @@ void list_effects() {
 void run(int argc, char** argv) {
   const std::string verb = argc > 1 ? argv[1] : "";
   if (verb == "session") {
-    play_session({argc, argv, {"out", "serial", "lot", "valve-type", "stand", "condition", "unit-seed", "noise-seed",
-                               "tests", "effect", "noise-psi", "truth", "clean"}});
+    play_session({argc,
+                  argv,
+                  {"out", "serial", "lot", "valve-type", "stand", "condition", "unit-seed", "noise-seed", "tests",
+                   "effect", "noise-psi", "truth", "clean"}});
   } else if (verb == "population") {
     const Arguments arguments(argc, argv, {"out", "valves", "seed", "tests"});
     play_fleet(good_population(count_of(arguments, "8"), seed_of(arguments.text("seed", "1"))), arguments);

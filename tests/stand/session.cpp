@@ -16,7 +16,8 @@ class Wander {
   Wander(Random random, double mean, double amplitude, double fastest_hz) : mean_(mean) {
     double hz = fastest_hz;
     for (Wave& wave : wave_) {
-      wave = {amplitude * random.uniform(0.5, 1.0) / 3, 2 * std::numbers::pi * hz, 2 * std::numbers::pi * random.uniform()};
+      wave = {amplitude * random.uniform(0.5, 1.0) / 3, 2 * std::numbers::pi * hz,
+              2 * std::numbers::pi * random.uniform()};
       hz *= 0.43;
     }
   }

@@ -8,23 +8,23 @@ namespace valvetriage::stand {
 /// One valve as it left the line. The defaults are the nominal unit; `draw_unit` spreads every one of them.
 struct Unit {
   // electrical and magnetic
-  double delay_s = 0.004;              ///< driver and line, pure delay of the command
+  double delay_s = 0.004;  ///< driver and line, pure delay of the command
   double driver_time_constant_s = 0.004;
   double force_per_current_n_per_a = 20;
-  double magnetic_knee_a = 3.5;        ///< F = K i_s tanh(i / i_s)
-  double loop_width_a = 0.004;         ///< full width of the magnetic loop (Prandtl-Ishlinskii)
+  double magnetic_knee_a = 3.5;  ///< F = K i_s tanh(i / i_s)
+  double loop_width_a = 0.004;   ///< full width of the magnetic loop (Prandtl-Ishlinskii)
   // spool
   double mass_kg = 0.07;
   double spring_n_per_mm = 10;
   double damping_ratio = 0.75;
-  double breakaway_a = 0.0010;         ///< friction in current equivalents at 1.6 A
-  double kinetic_ratio = 0.75;         ///< Coulomb over breakaway
+  double breakaway_a = 0.0010;  ///< friction in current equivalents at 1.6 A
+  double kinetic_ratio = 0.75;  ///< Coulomb over breakaway
   double stribeck_mm_per_s = 0.5;
   // fluid
   double supply_psi = 300;
   double outflow_exponent = 0.55;
   double time_constant_120psi_s = 0.065;  ///< small-signal filling time at 120 psi, sets the compressibility
-  double leak_fraction = 0.010;        ///< leak over through-flow at 210 psi
+  double leak_fraction = 0.010;           ///< leak over through-flow at 210 psi
   double map_gain = 1, map_shift_a = 0;
   std::array<double, 6> map_bump_a{};  ///< local shifts of the map around 1.1, 1.3 ... 2.1 A
   // sensor
@@ -32,7 +32,8 @@ struct Unit {
   double sensor_offset_psi = 0;
 };
 
-/// A healthy unit: the nominal one with every parameter spread (README, table of parameters). Pure function of the seed.
+/// A healthy unit: the nominal one with every parameter spread (README, table of parameters). Pure function of the
+/// seed.
 Unit draw_unit(std::uint64_t seed);
 
 /// Steady pressure [psi] of a unit at a coil current, on the middle of its loop.

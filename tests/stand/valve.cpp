@@ -36,11 +36,7 @@ using State = std::array<double, kStates>;
 class Valve {
  public:
   Valve(const Unit& unit, const Faults& faults, const Command& command)
-      : unit_(unit),
-        faults_(faults),
-        command_(command),
-        next_step_(command.step_after(0)),
-        memory_(unit.loop_width_a) {
+      : unit_(unit), faults_(faults), command_(command), next_step_(command.step_after(0)), memory_(unit.loop_width_a) {
     const double mid = force_slope_mid_n_per_a(unit);
     breakaway_n_ = (unit.breakaway_a + faults.breakaway_a) * mid;
     kinetic_n_ = (unit.breakaway_a * unit.kinetic_ratio + faults.kinetic_a) * mid;
@@ -161,7 +157,8 @@ class Integration {
  public:
   Integration(Valve& valve, const State& start, double start_s, const Tolerance& tolerance)
       : valve_(valve),
-        stepper_(odeint::make_dense_output(tolerance.absolute, tolerance.relative, odeint::runge_kutta_dopri5<State>())) {
+        stepper_(
+            odeint::make_dense_output(tolerance.absolute, tolerance.relative, odeint::runge_kutta_dopri5<State>())) {
     stepper_.initialize(start, start_s, kFirstStepS);
   }
 
@@ -169,7 +166,8 @@ class Integration {
   template <class Take>
   void run_to(double end_s, const std::vector<double>& times_s, std::size_t& next, Take take) {
     while (stepper_.current_time() < end_s) {
-      const auto [begin_s, reached_s] = stepper_.do_step([this](const State& s, State& r, double t) { valve_(s, r, t); });
+      const auto [begin_s, reached_s] =
+          stepper_.do_step([this](const State& s, State& r, double t) { valve_(s, r, t); });
       const double step_s = valve_.next_step_s();
       double stop_s = std::min(reached_s, step_s);
       if (const auto reversal = reversal_in(begin_s, stop_s)) stop_s = *reversal;
@@ -221,8 +219,9 @@ class Integration {
 
 }  // namespace
 
-std::vector<double> run_valve(const Unit& unit, const Faults& faults, const Command& command, std::uint64_t history_seed,
-                              const std::vector<double>& sample_times_s, const Tolerance& tolerance) {
+std::vector<double> run_valve(const Unit& unit, const Faults& faults, const Command& command,
+                              std::uint64_t history_seed, const std::vector<double>& sample_times_s,
+                              const Tolerance& tolerance) {
   constexpr double kSettlingS = 1.5;  // at the first command, before the record begins
   Valve valve(unit, faults, command);
   Random past(history_seed, "history " + command.name);
@@ -230,9 +229,8 @@ std::vector<double> run_valve(const Unit& unit, const Faults& faults, const Comm
   std::vector<double> pressure_psi;
   pressure_psi.reserve(sample_times_s.size());
   std::size_t next = 0;
-  integration.run_to(sample_times_s.back() + 1e-9, sample_times_s, next, [&](const State& state, double t) {
-    pressure_psi.push_back(valve.output_psi(state, t));
-  });
+  integration.run_to(sample_times_s.back() + 1e-9, sample_times_s, next,
+                     [&](const State& state, double t) { pressure_psi.push_back(valve.output_psi(state, t)); });
   return pressure_psi;
 }
 

@@ -20,7 +20,8 @@ struct Tolerance {
 /// history_seed  what the unit went through before: magnetic loop, stuck spool
 /// returns       psi, one value per time in `sample_times_s` (increasing, from 0 to the end of the command)
 /// cost          about 1 ms of CPU per second of test; a pure function of its arguments
-std::vector<double> run_valve(const Unit& unit, const Faults& faults, const Command& command, std::uint64_t history_seed,
-                              const std::vector<double>& sample_times_s, const Tolerance& tolerance = {});
+std::vector<double> run_valve(const Unit& unit, const Faults& faults, const Command& command,
+                              std::uint64_t history_seed, const std::vector<double>& sample_times_s,
+                              const Tolerance& tolerance = {});
 
 }  // namespace valvetriage::stand

@@ -29,12 +29,14 @@ TEST(NoiseFloor, SeesColouredNoiseOnHoldsWhole) {
     coloured = pole * coloured + std::sqrt(1 - pole * pole) * normal(random);
     y += 0.5 * coloured;
   }
-  // 1,600 samples with a correlation time of 9: about 180 independent ones, so 5 % standard error, four of them allowed.
+  // 1,600 samples with a correlation time of 9: about 180 independent ones, so 5 % standard error, four of them
+  // allowed.
   EXPECT_NEAR(noise_floor(recording).rms, 0.5, 0.1);
 }
 
 TEST(NoiseFloor, OfASweepIsNotItsAmplitude) {
-  Recording recording = test::step_recording(200, 1.5, 1.5, 0.5, 20, [](double) { return 0.0; }, 0.35, 3);
+  Recording recording = test::step_recording(
+      200, 1.5, 1.5, 0.5, 20, [](double) { return 0.0; }, 0.35, 3);
   for (std::size_t i = 0; i < recording.samples(); ++i) {
     const double t = recording.time_s[i];
     recording.output.values[i] += 60 * std::sin(2 * 3.141592653589793 * 2.0 * t);

@@ -42,7 +42,7 @@ TEST(ErrorEq20, AtALowerRateIsTakenFromEveryOtherSample) {
 TEST(ErrorEq20, CountsOnlyTheWindow) {
   const Recording recording = test::step_recording(200, 1.0, 1.6, 1, 4, lag, 0, 1);
   std::vector<double> simulated = recording.output.values;
-  for (std::size_t i = 0; i < 200; ++i) simulated[i] += 50;      // before the step
+  for (std::size_t i = 0; i < 200; ++i) simulated[i] += 50;                 // before the step
   for (std::size_t i = 600; i < simulated.size(); ++i) simulated[i] += 50;  // after two seconds
   const auto step = rising_steps(recording, 0).front();
   EXPECT_EQ(*error_eq20(recording, simulated, step, {.rate_hz = 200, .duration_s = 2}), 0);
@@ -92,7 +92,8 @@ TEST(RiseTime, OfAFirstOrderLagIsItsTimeConstantTimesLogNine) {
 }
 
 TEST(RiseTime, IsNotGivenWhereNothingRises) {
-  const Recording recording = test::step_recording(200, 1.0, 1.6, 1, 4, [](double) { return 3.0; }, 0.35, 5);
+  const Recording recording = test::step_recording(
+      200, 1.0, 1.6, 1, 4, [](double) { return 3.0; }, 0.35, 5);
   const auto step = rising_steps(recording, 0).front();
   EXPECT_FALSE(measured_rise_time_s(recording, step, {.rate_hz = 200, .duration_s = 2}, 0.35));
 }

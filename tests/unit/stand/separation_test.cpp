@@ -10,7 +10,8 @@ namespace {
 /// Every line of the folder's sources that includes something of one of the `forbidden` folders.
 std::vector<std::string> includes_of(const std::string& folder, const std::vector<std::string>& forbidden) {
   std::vector<std::string> found;
-  for (const auto& entry : std::filesystem::recursive_directory_iterator(std::string(VALVETRIAGE_SOURCE_DIR "/") + folder)) {
+  for (const auto& entry :
+       std::filesystem::recursive_directory_iterator(std::string(VALVETRIAGE_SOURCE_DIR "/") + folder)) {
     const std::string suffix = entry.path().extension();
     if (suffix != ".h" && suffix != ".cpp" && suffix != ".txt") continue;
     std::ifstream file(entry.path());

@@ -19,7 +19,8 @@ std::vector<double> times_of(const Command& command) {
   return times;
 }
 
-std::vector<double> play(const Unit& unit, const Command& command, const Faults& faults = {}, const Tolerance& tolerance = {}) {
+std::vector<double> play(const Unit& unit, const Command& command, const Faults& faults = {},
+                         const Tolerance& tolerance = {}) {
   return run_valve(unit, faults, command, 7, times_of(command), tolerance);
 }
 
@@ -135,7 +136,9 @@ TEST(Stand, LeakSettlesLowerAndMoreSoAtHighPressure) {
   Faults faults;
   faults.leak_fraction = 0.1;
   const auto commands = commands_of("step");
-  const auto loss = [&](std::size_t i) { return settled_psi(play(Unit{}, commands[i])) - settled_psi(play(Unit{}, commands[i], faults)); };
+  const auto loss = [&](std::size_t i) {
+    return settled_psi(play(Unit{}, commands[i])) - settled_psi(play(Unit{}, commands[i], faults));
+  };
   EXPECT_GT(loss(1), 0.5);
   EXPECT_GT(loss(2), 2 * loss(1));
 }

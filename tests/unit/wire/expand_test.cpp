@@ -87,7 +87,8 @@ TEST(Expand, ReadsMembersAndFramesThatFollowEachOtherAsOneText) {
 
 TEST(Expand, StopsAtTheBoundOfTheExpandedBytes) {
   const std::string bomb(50'000'000, '0');
-  for (const auto& [compression, bytes] : {std::pair(Compression::kGzip, gzip(bomb)), std::pair(Compression::kZstd, zstd(bomb))}) {
+  for (const auto& [compression, bytes] :
+       {std::pair(Compression::kGzip, gzip(bomb)), std::pair(Compression::kZstd, zstd(bomb))}) {
     Pieces exact(bytes, 4096), short_by_one(bytes, 4096);
     EXPECT_TRUE(read_all(compression, exact, bomb.size(), 65'536));
     EXPECT_EQ(read_all(compression, short_by_one, bomb.size() - 1, 65'536).error().code, "too_large");
@@ -96,7 +97,8 @@ TEST(Expand, StopsAtTheBoundOfTheExpandedBytes) {
 
 TEST(Expand, RefusesWhatIsDamagedCutOffOrNotCompressed) {
   const std::string text = rows(1000);
-  for (const auto& [compression, bytes] : {std::pair(Compression::kGzip, gzip(text)), std::pair(Compression::kZstd, zstd(text))}) {
+  for (const auto& [compression, bytes] :
+       {std::pair(Compression::kGzip, gzip(text)), std::pair(Compression::kZstd, zstd(text))}) {
     std::string damaged = bytes;
     damaged[damaged.size() / 2] ^= 0x55;
     for (const std::string& bad : {bytes.substr(0, bytes.size() - 1), bytes.substr(0, 5), std::string(), text,
@@ -111,7 +113,8 @@ TEST(Expand, RefusesWhatIsDamagedCutOffOrNotCompressed) {
 
 TEST(Expand, StartsAgainAfterARewind) {
   const std::string text = rows(5000);
-  for (const auto& [compression, bytes] : {std::pair(Compression::kGzip, gzip(text)), std::pair(Compression::kZstd, zstd(text))}) {
+  for (const auto& [compression, bytes] :
+       {std::pair(Compression::kGzip, gzip(text)), std::pair(Compression::kZstd, zstd(text))}) {
     Pieces source(bytes, 512);
     const auto expanded = expand(compression, source, text.size());
     std::string buffer(1000, '\0');

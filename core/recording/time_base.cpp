@@ -1,0 +1,224 @@
+#include "core/recording/time_base.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "core/recording/limits.h"
+
+namespace valvetriage {
+namespace {
+
+constexpr double kGapRatio = 1.5;         ///< an interval above this many medians holds a missing sample
+constexpr double kJitterRatio = 0.05;     ///< off the grid by more than this part of a period: 0.8 noise at a step edge
+constexpr double kIrregularShare = 0.25;  ///< of intervals far from the median: no sampling rate to speak of
+constexpr double kMostMissing = 0.5;      ///< of the grid
+constexpr double kJumpRatio = 0.02;       ///< of the input's range within one interval: a jump, not a slope
+
+struct Grid {
+  double start_s = 0;
+  double period_s = 0;
+  std::size_t size = 0;
+};
+
+double median_of(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::ranges::nth_element(values, middle);
+  return *middle;
+}
+
+std::vector<double> intervals_of(const std::vector<double>& time) {
+  std::vector<double> intervals(time.size() - 1);
+  for (std::size_t i = 0; i + 1 < time.size(); ++i) intervals[i] = time[i + 1] - time[i];
+  return intervals;
+}
+
+Error time_error(std::string code, const Channel& time, std::string found, std::string expected) {
+  Error error{.code = std::move(code)};
+  error.field = time.name;
+  error.message = fmt::format("{}: {}, expected {}", time.name, found, expected);
+  error.found = std::move(found);
+  error.expected = std::move(expected);
+  return error;
+}
+
+Result<Grid> find_grid(const Channel& channel) {
+  const std::vector<double>& time = channel.values;
+  const std::vector<double> intervals = intervals_of(time);
+  const double median = median_of(intervals);
+  double sum = 0;
+  std::size_t counted = 0, irregular = 0;
+  for (const double interval : intervals) {
+    const double periods = interval / median;
+    if (periods <= kGapRatio) {
+      sum += interval;
+      ++counted;
+    }
+    if (std::abs(periods - 1.0) > kGapRatio - 1.0) ++irregular;
+  }
+  Grid grid{.start_s = time.front(), .period_s = sum / static_cast<double>(counted)};
+  const double periods = std::round((time.back() - time.front()) / grid.period_s);
+  const auto rows = static_cast<double>(time.size());
+  if (static_cast<double>(irregular) > kIrregularShare * rows) {
+    return tl::unexpected(
+        time_error("irregular_time", channel, fmt::format("{} irregular intervals", irregular), "samples at one rate"));
+  }
+  if (!(periods + 1 <= rows / kMostMissing)) {
+    return tl::unexpected(time_error("irregular_time", channel,
+                                     fmt::format("{} samples over {:.6g} s", time.size(), time.back() - time.front()),
+                                     "less than half of the samples missing"));
+  }
+  grid.size = static_cast<std::size_t>(periods) + 1;
+  return grid;
+}
+
+/// Whether the stamps are those of a uniform clock written with few digits: all intervals have one of two lengths.
+bool are_rounded(const std::vector<double>& time, double period_s) {
+  const std::vector<double> intervals = intervals_of(time);
+  const auto [shortest, longest] = std::ranges::minmax(intervals);
+  const double resolution = longest - shortest;
+  if (resolution > 0.5 * period_s) return false;
+  return std::ranges::all_of(intervals, [&](double interval) {
+    const double above = interval - shortest;
+    return std::min(above, resolution - above) < 0.01 * resolution;
+  });
+}
+
+struct Deviations {
+  std::size_t count = 0;  ///< stamps off the grid by more than kJitterRatio
+  double worst_ratio = 0;
+};
+
+Deviations deviations_of(const std::vector<double>& time, const Grid& grid) {
+  Deviations found;
+  for (const double stamp : time) {
+    const double at = (stamp - grid.start_s) / grid.period_s;
+    const double off = std::abs(at - std::round(at));
+    found.worst_ratio = std::max(found.worst_ratio, off);
+    if (off > kJitterRatio) ++found.count;
+  }
+  return found;
+}
+
+struct Gaps {
+  std::size_t count = 0;
+  double longest_s = 0;
+  double first_s = 0;
+  std::vector<std::uint8_t> valid;  ///< empty where there is none
+  std::size_t missing = 0;
+};
+
+Gaps gaps_of(const std::vector<double>& time, const Grid& grid) {
+  Gaps gaps;
+  for (std::size_t i = 0; i + 1 < time.size(); ++i) {
+    const double length = time[i + 1] - time[i];
+    if (length <= kGapRatio * grid.period_s) continue;
+    if (gaps.count++ == 0) {
+      gaps.first_s = time[i];
+      gaps.valid.assign(grid.size, 1);
+    }
+    gaps.longest_s = std::max(gaps.longest_s, length);
+    const auto from = static_cast<std::size_t>(std::floor((time[i] - grid.start_s) / grid.period_s + 0.5)) + 1;
+    const auto to = static_cast<std::size_t>(std::floor((time[i + 1] - grid.start_s) / grid.period_s + 0.5));
+    for (std::size_t k = from; k < std::min(to, grid.size); ++k) {
+      gaps.valid[k] = 0;
+      ++gaps.missing;
+    }
+  }
+  return gaps;
+}
+
+std::vector<double> on_grid(const std::vector<double>& time, const std::vector<double>& values, const Grid& grid,
+                            double jump) {
+  std::vector<double> resampled(grid.size);
+  std::size_t right = 1;
+  for (std::size_t k = 0; k < grid.size; ++k) {
+    const double at = grid.start_s + static_cast<double>(k) * grid.period_s;
+    while (right + 1 < time.size() && time[right] < at) ++right;
+    const double weight = std::clamp((at - time[right - 1]) / (time[right] - time[right - 1]), 0.0, 1.0);
+    const double rise = values[right] - values[right - 1];
+    const bool held = std::abs(rise) > jump;
+    resampled[k] = held ? (weight < 1 ? values[right - 1] : values[right]) : values[right - 1] + weight * rise;
+  }
+  return resampled;
+}
+
+double range_of(const std::vector<double>& values) {
+  const auto [low, high] = std::ranges::minmax(values);
+  return high - low;
+}
+
+void resample(Recording& recording, const Grid& grid) {
+  constexpr double kNever = std::numeric_limits<double>::infinity();
+  const std::vector<double>& time = recording.time_s;
+  const double jump = kJumpRatio * range_of(recording.input.values);
+  recording.input.values = on_grid(time, recording.input.values, grid, jump);
+  recording.output.values = on_grid(time, recording.output.values, grid, kNever);
+  for (Channel& side : recording.side) side.values = on_grid(time, side.values, grid, kNever);
+}
+
+Result<void> check_increasing(const Channel& time) {
+  const auto at = std::ranges::adjacent_find(time.values, std::greater_equal{});
+  if (at == time.values.end()) return {};
+  return tl::unexpected(
+      time_error("time_not_increasing", time, fmt::format("{} after {}", *(at + 1), *at), "a time that increases"));
+}
+
+Recording recording_of(RawRecording raw) {
+  Recording recording;
+  recording.name = std::move(raw.name);
+  recording.metadata = std::move(raw.metadata);
+  recording.time_s = std::move(raw.time.values);
+  recording.input = std::move(raw.input);
+  recording.output = std::move(raw.output);
+  recording.side = std::move(raw.side);
+  return recording;
+}
+
+void take_sample_rate(Recording& recording, double sample_rate_hz) {
+  recording.sample_period_s = 1.0 / sample_rate_hz;
+  recording.time_s.resize(recording.samples());
+  for (std::size_t i = 0; i < recording.samples(); ++i) recording.time_s[i] = static_cast<double>(i) / sample_rate_hz;
+}
+
+}  // namespace
+
+Result<Recording> to_uniform_time(RawRecording raw, std::optional<double> sample_rate_hz) {
+  if (raw.time.values.empty()) {
+    Recording recording = recording_of(std::move(raw));
+    take_sample_rate(recording, sample_rate_hz.value_or(1.0));
+    return recording;
+  }
+  if (auto increasing = check_increasing(raw.time); !increasing) return tl::unexpected(increasing.error());
+  const auto grid = find_grid(raw.time);
+  if (!grid) return tl::unexpected(grid.error());
+
+  Recording recording = recording_of(std::move(raw));
+  recording.start_s = grid->start_s;
+  recording.sample_period_s = grid->period_s;
+  const Deviations jitter = deviations_of(recording.time_s, *grid);
+  Gaps gaps = gaps_of(recording.time_s, *grid);
+  const bool jitters = jitter.count > 0 && !(gaps.count == 0 && are_rounded(recording.time_s, grid->period_s));
+  if (jitters) {
+    recording.quality.push_back(
+        {.code = "jitter",
+         .detail = fmt::format("stamps up to {:.0f} % of the sampling period off a uniform grid; "
+                               "resampled at {:.6g} Hz",
+                               100 * jitter.worst_ratio, 1 / grid->period_s),
+         .count = jitter.count});
+  }
+  if (gaps.count > 0) {
+    recording.quality.push_back(
+        {.code = "gap",
+         .detail = fmt::format("{} gap{}, the longest {:.6g} s, the first after {:.6g} s", gaps.count,
+                               gaps.count == 1 ? "" : "s", gaps.longest_s, gaps.first_s),
+         .count = gaps.missing});
+  }
+  if (jitters || gaps.count > 0) resample(recording, *grid);
+  recording.valid = std::move(gaps.valid);
+  return recording;
+}
+
+}  // namespace valvetriage

@@ -1,0 +1,120 @@
+#include "server/wire/read_recording.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cstring>
+
+#include "core/recording/metadata.h"
+#include "core/recording/prepare.h"
+#include "core/recording/text.h"
+#include "server/wire/byte_source.h"
+#include "server/wire/expand.h"
+#include "server/wire/json_recording.h"
+#include "server/wire/mat_recording.h"
+
+namespace valvetriage {
+namespace {
+
+class OpenFile {
+ public:
+  explicit OpenFile(const std::string& path) : descriptor_(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOCTTY)) {}
+  ~OpenFile() {
+    if (descriptor_ >= 0) ::close(descriptor_);
+  }
+  OpenFile(const OpenFile&) = delete;
+  OpenFile& operator=(const OpenFile&) = delete;
+  int descriptor() const { return descriptor_; }
+
+ private:
+  int descriptor_;
+};
+
+tl::unexpected<Error> cannot_read(const std::string& name, std::string_view why) {
+  Error error{.code = "cannot_read", .message = fmt::format("cannot read '{}': {}", name, why), .file = name};
+  return tl::unexpected(error);
+}
+
+std::string last_part(const std::string& path) {
+  return path.substr(path.find_last_of('/') + 1);
+}
+
+Result<RawRecording> parse(ByteSource& text, RecordingFormat format, const ReadOptions& options) {
+  switch (format) {
+    case RecordingFormat::kJson:
+      return parse_json_recording(text, options.name, options.mapping);
+    case RecordingFormat::kMat:
+      if (!options.allow_mat) return fail("mat_not_allowed", "MAT files are not read here");
+      return parse_mat_recording(text, options.name, options.mapping);
+    case RecordingFormat::kCsv:
+      break;
+  }
+  return parse_csv(text, options.name, options.mapping);
+}
+
+Result<ReadRecording> read(ByteSource& source, const ReadOptions& options) {
+  PeekedSource packed(source);
+  const auto packed_head = packed.peek();
+  if (!packed_head) return tl::unexpected(packed_head.error());
+  const auto expanded = expand(compression_of_bytes(*packed_head), packed, options.max_expanded_bytes);
+  HashedSource hashed(*expanded);
+  PeekedSource text(hashed);
+  const auto head = text.peek();
+  if (!head) return tl::unexpected(head.error());
+
+  auto raw = parse(text, format_of(*head), options);
+  if (!raw) return tl::unexpected(raw.error());
+  if (auto merged = apply_metadata_options(raw->metadata, options.metadata); !merged) {
+    return tl::unexpected(merged.error());
+  }
+  if (auto drained = hashed.drain(); !drained) return tl::unexpected(drained.error());
+  auto recording = prepare_recording(std::move(*raw), options.mapping);
+  if (!recording) return tl::unexpected(recording.error());
+  return ReadRecording{std::move(*recording), hashed.sha256(), hashed.bytes()};
+}
+
+}  // namespace
+
+RecordingFormat format_of(std::string_view first_bytes) {
+  constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
+  if (is_mat(first_bytes)) return RecordingFormat::kMat;
+  if (first_bytes.starts_with(kByteOrderMark)) first_bytes.remove_prefix(kByteOrderMark.size());
+  const std::size_t first = first_bytes.find_first_not_of(" \t\r\n");
+  const bool json = first != std::string_view::npos && (first_bytes[first] == '{' || first_bytes[first] == '[');
+  return json ? RecordingFormat::kJson : RecordingFormat::kCsv;
+}
+
+Result<ReadRecording> read_recording(ByteSource& source, const ReadOptions& options) {
+  auto recording = read(source, options);
+  if (recording) return recording;
+  Error error = recording.error();
+  error.file = options.name;
+  return tl::unexpected(std::move(error));
+}
+
+Result<ReadRecording> read_recording_file(const std::string& path, const ReadOptions& options) {
+  ReadOptions named = options;
+  if (named.name.empty()) named.name = last_part(path);
+  const OpenFile file(path);
+  struct stat status {};
+  if (file.descriptor() < 0 || ::fstat(file.descriptor(), &status) != 0) {
+    return cannot_read(named.name, std::strerror(errno));
+  }
+  if (S_ISDIR(status.st_mode)) return cannot_read(named.name, "it is a folder");
+  return read_recording_descriptor(file.descriptor(), named);
+}
+
+Result<ReadRecording> read_recording_descriptor(int descriptor, const ReadOptions& options) {
+  DescriptorSource source(descriptor);
+  return read_recording(source, options);
+}
+
+Result<ReadRecording> read_recording_memory(std::string_view bytes, const ReadOptions& options) {
+  MemorySource source(bytes);
+  return read_recording(source, options);
+}
+
+}  // namespace valvetriage
