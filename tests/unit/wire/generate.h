@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/analysis/analysis.h"
+#include "server/wire/sha256.h"
 
 namespace valvetriage::generate {
 
@@ -16,6 +17,12 @@ inline double number() {
 }
 inline double positive() {
   return std::abs(number()) + 1e-3;
+}
+inline double share() {
+  return *rc::gen::inRange(0, 1001) / 1000.0;
+}
+inline std::string hash() {
+  return sha256_hex(std::to_string(*rc::gen::arbitrary<int>()));
 }
 inline int small(int least, int most) {
   return *rc::gen::inRange(least, most + 1);
@@ -81,17 +88,18 @@ inline Model model(bool with_map) {
 
 inline Reference reference() {
   Reference r;
-  r.valve_type = text();
+  r.valve_type = "type-" + text();
   r.version = small(0, 9);
+  r.sha256 = hash();
   for (int i = small(3, 6); i > 0; --i)
     r.members.push_back({text(), small(1, 9), positive(), positive(), small(0, 1) == 1});
   r.valves = static_cast<int>(r.members.size());
   r.sample_period_s = positive();
   r.model = model(true);
   const std::size_t knots = r.model.map->input.size();
-  r.map_sd = numbers(knots);
+  r.map_sd.assign(knots, positive());
   for (int i = small(1, 4); i > 0; --i) {
-    r.parameters.push_back({text(), text(), small(0, 1) ? "log" : "linear", number(), positive()});
+    r.parameters.push_back({"p" + text(), text(), small(0, 1) ? "log" : "linear", number(), positive()});
   }
   const std::size_t p = r.parameters.size() + knots;
   r.covariance = numbers(p * p);
@@ -100,10 +108,10 @@ inline Reference reference() {
   r.input_min = number();
   r.input_max = number();
   r.bandwidth_hz = positive();
-  r.tests = {"step", text()};
+  r.tests = {"step", "sweep"};
   r.window = {positive(), positive()};
   for (int i = small(0, 5); i > 0; --i) {
-    r.levels.push_back({number(), number(), positive(), number(), positive(), positive(), positive()});
+    r.levels.push_back({number(), positive(), positive(), number(), positive(), positive(), positive()});
   }
   return r;
 }
@@ -112,8 +120,8 @@ inline LevelVerdict level_verdict(int i) {
   LevelVerdict level;
   level.level = "level " + std::to_string(i);
   level.verdict = "Good";
-  level.memberships = {{"good", number()}, {"severe", number()}};
-  level.rules = {{text(), number()}, {text(), number()}};
+  level.memberships = {{"good", share()}, {"severe", share()}};
+  level.rules = {{text(), share()}, {text(), share()}};
   return level;
 }
 
@@ -121,11 +129,11 @@ inline ClassificationResult classification() {
   ClassificationResult c;
   if (small(0, 1)) {
     c.verdict = "Severe";
-    c.memberships = {{"good", number()}, {"malfunctioned", number()}, {"severe", number()}};
+    c.memberships = {{"good", share()}, {"malfunctioned", share()}, {"severe", share()}};
     for (int i = small(0, 3); i > 0; --i) c.per_level.push_back(level_verdict(i));
     c.rule_base_name = "from " + text();
     c.rule_base_version = text();
-    c.rule_base_sha256 = text();
+    c.rule_base_sha256 = hash();
   } else {
     c.reason = NoVerdict::kLevelMissing;
   }
@@ -139,8 +147,8 @@ inline Analysis analysis() {
   for (int i = small(1, 4); i > 0; --i) {
     RecordingSummary r;
     r.name = text();
-    r.sha256 = text();
-    r.samples = static_cast<std::size_t>(small(0, 1000000));
+    r.sha256 = hash();
+    r.samples = static_cast<std::size_t>(small(1, 1000000));
     r.sample_rate_hz = positive();
     r.test = TestKind::kStaircase;
     r.quality.push_back({"clipped", text(), static_cast<std::size_t>(small(0, 100))});
