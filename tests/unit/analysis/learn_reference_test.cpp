@@ -1,0 +1,94 @@
+#include "core/analysis/learn_reference.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/unit/identify/valves.h"
+
+namespace valvetriage {
+namespace {
+
+constexpr double kNoise_psi = 0.35;
+
+/// Good valves with a spread of 5 % in frequency, 2 % in scale, 0.3 ms in delay.
+std::vector<ValveRecordings> population(int valves, unsigned seed) {
+  std::mt19937 random(seed);
+  std::normal_distribution<double> normal;
+  std::vector<ValveRecordings> good;
+  for (int i = 0; i < valves; ++i) {
+    test::MadeValve valve;
+    valve.dynamics.natural_frequency_rad_s *= std::exp(0.05 * normal(random));
+    valve.dynamics.delay_s += 0.0003 * normal(random);
+    valve.scale *= std::exp(0.02 * normal(random));
+    good.push_back({"GOOD-" + std::to_string(i + 1), test::session(valve, kNoise_psi, seed + 100u * static_cast<unsigned>(i))});
+  }
+  return good;
+}
+
+const Reference& eight() {
+  static const Reference reference = *learn_reference(population(8, 5), "type-1");
+  return reference;
+}
+
+TEST(LearnReference, FindsTheMeanOfThePopulation) {
+  const Reference& reference = eight();
+  EXPECT_EQ(reference.valves, 8);
+  ASSERT_EQ(reference.parameters.size(), 3u);
+  // Standard error of a mean over eight: 5 % / √8 and 0.3 ms / √8; four allowed.
+  EXPECT_NEAR(reference.parameters[0].mean, std::log(38.0), 4 * 0.05 / std::sqrt(8.0));
+  EXPECT_NEAR(reference.parameters[2].mean, 0.0072, 4 * 0.0003 / std::sqrt(8.0));
+  EXPECT_EQ(reference.parameters[2].name, "delay_s");
+  EXPECT_NEAR((*reference.model.map)(1.6), test::MadeValve{}.map(1.6), 4 * 0.02 * 110 / std::sqrt(8.0) + 0.2);
+}
+
+TEST(LearnReference, FindsTheSpreadOfThePopulation) {
+  // A standard deviation from eight has a relative standard error of 27 %; a factor of 2.3 covers four of them.
+  EXPECT_GT(eight().parameters[0].sd, 0.05 / 2.3);
+  EXPECT_LT(eight().parameters[0].sd, 0.05 * 2.3);
+}
+
+TEST(LearnReference, KnowsWhatItSaw) {
+  const Reference& reference = eight();
+  EXPECT_NEAR(reference.input_min, 1.0, 1e-9);
+  EXPECT_NEAR(reference.input_max, 2.1, 0.002);
+  EXPECT_EQ(reference.tests, (std::vector<std::string>{"step", "triangle"}));
+  EXPECT_NEAR(reference.noise_floor, kNoise_psi, 0.1 * kNoise_psi);
+  EXPECT_NEAR(reference.sample_period_s, 0.005, 1e-12);
+  ASSERT_EQ(reference.levels.size(), 3u);
+  EXPECT_NEAR(reference.levels[1].level_a, 1.6, 0.011);
+  EXPECT_GT(reference.levels[1].error_eq20_mean, 0);
+  EXPECT_GT(reference.levels[1].rise_time_mean_s, 0.03);
+}
+
+TEST(LearnReference, TheCovarianceIsPositiveDefinite) {
+  const Reference& reference = eight();
+  const auto p = static_cast<Eigen::Index>(reference.parameters.size() + reference.map_sd.size());
+  ASSERT_EQ(static_cast<std::size_t>(p * p), reference.covariance.size());
+  const Eigen::MatrixXd covariance = Eigen::Map<const Eigen::MatrixXd>(reference.covariance.data(), p, p);
+  EXPECT_GT(covariance.ldlt().vectorD().minCoeff(), 0);
+  EXPECT_LT((covariance - covariance.transpose()).cwiseAbs().maxCoeff(), 1e-12);
+}
+
+TEST(LearnReference, PointsOutABadValveAmongTheGoodAndLeavesItOut) {
+  auto valves = population(8, 5);
+  test::MadeValve slow;
+  slow.dynamics.natural_frequency_rad_s /= 6;
+  valves[3] = {"BAD", test::session(slow, kNoise_psi, 999)};
+  const auto reference = learn_reference(valves, "type-1");
+  ASSERT_TRUE(reference);
+  EXPECT_EQ(reference->valves, 7);
+  for (const ReferenceMember& member : reference->members) EXPECT_EQ(member.used, member.serial != "BAD") << member.serial;
+}
+
+TEST(LearnReference, KeepsEveryValveOfAGoodPopulation) {
+  for (const unsigned seed : {5u, 6u, 7u}) EXPECT_EQ(learn_reference(population(6, seed), "type-1")->valves, 6) << seed;
+}
+
+TEST(LearnReference, NeedsThreeValves) {
+  const auto two = learn_reference(population(2, 5), "type-1");
+  ASSERT_FALSE(two);
+  EXPECT_EQ(two.error().code, "too_few_valves");
+  EXPECT_TRUE(learn_reference(population(3, 5), "type-1"));
+}
+
+}  // namespace
+}  // namespace valvetriage

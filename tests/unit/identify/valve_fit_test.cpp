@@ -1,0 +1,128 @@
+#include "core/identify/valve_fit.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/unit/identify/valves.h"
+
+namespace valvetriage {
+namespace {
+
+constexpr double kNoise_psi = 0.35;
+
+ValveFitOptions options_for(const std::vector<Recording>& recordings, int order = 2) {
+  return {.knots = *map_knots(recordings), .order = order};
+}
+
+TEST(ValveFit, FindsDelayDynamicsAndMapOfAKnownValve) {
+  const test::MadeValve valve;
+  const auto recordings = test::session(valve, kNoise_psi, 11);
+  const auto fit = fit_valve(recordings, options_for(recordings));
+  ASSERT_TRUE(fit) << fit.error().message;
+  // Four standard errors each, as the fit itself states them.
+  const auto error = [&](Eigen::Index j) { return 4 * std::sqrt(fit->covariance(j, j)); };
+  EXPECT_NEAR(std::log(fit->dynamics.natural_frequency_rad_s), std::log(38.0), error(0));
+  EXPECT_NEAR(std::log(fit->dynamics.damping_ratio), std::log(1.2), error(1));
+  EXPECT_NEAR(fit->dynamics.delay_s, 0.0072, error(2));
+  EXPECT_LT(error(2), 0.001);
+  for (const double level : {1.4, 1.6, 1.8}) EXPECT_NEAR(fit->map(level), valve.map(level), 0.1) << level;
+}
+
+TEST(ValveFit, LeavesTheNoiseAndNothingElseOfAKnownValve) {
+  const auto recordings = test::session({}, kNoise_psi, 21);
+  const auto fit = fit_valve(recordings, options_for(recordings));
+  ASSERT_TRUE(fit);
+  // 7,600 samples: the standard error of the rms is 0.8 %, four allowed; some fifty parameters take 0.3 % off; knots of
+  // 0.025 A leave 0.04 psi of the map's curvature, 0.7 % on the rms.
+  EXPECT_NEAR(fit->rmse, kNoise_psi, 0.04 * kNoise_psi);
+}
+
+TEST(ValveFit, AMapIsNeverDecreasing) {
+  const auto recordings = test::session({.scale = 0.01}, kNoise_psi, 31);
+  const auto fit = fit_valve(recordings, options_for(recordings));
+  ASSERT_TRUE(fit);
+  for (std::size_t k = 1; k < fit->map.output.size(); ++k) EXPECT_GE(fit->map.output[k], fit->map.output[k - 1]);
+}
+
+TEST(ValveFit, SamplesThatAreNotValidDoNotMoveIt) {
+  auto recordings = test::session({}, kNoise_psi, 41);
+  const auto clean = fit_valve(recordings, options_for(recordings));
+  recordings[1].valid.assign(recordings[1].samples(), 1);
+  for (std::size_t i = 500; i < 520; ++i) {
+    recordings[1].valid[i] = 0;
+    recordings[1].output.values[i] += 1000;
+  }
+  const auto masked = fit_valve(recordings, options_for(recordings));
+  ASSERT_TRUE(clean && masked);
+  EXPECT_NEAR(masked->dynamics.delay_s, clean->dynamics.delay_s, 2e-5);
+  EXPECT_NEAR(masked->map(1.6), clean->map(1.6), 0.02);
+}
+
+TEST(ValveFit, EachRecordingStartsWhereItStarted) {
+  auto recordings = test::session({}, kNoise_psi, 51);
+  // The second recording begins in the middle of its transient.
+  Recording& late = recordings[1];
+  late.output.values.erase(late.output.values.begin(), late.output.values.begin() + 205);
+  late.input.values.erase(late.input.values.begin(), late.input.values.begin() + 205);
+  late.time_s.resize(late.output.values.size());
+  late.segments = {{.kind = SegmentKind::kHold, .begin = 0, .end = 595, .level = 1.6},
+                   {.kind = SegmentKind::kStep, .begin = 595, .end = 995, .level = 1.0, .from_level = 1.6}};
+  const auto fit = fit_valve(recordings, options_for(recordings));
+  ASSERT_TRUE(fit);
+  EXPECT_NEAR(fit->rmse, kNoise_psi, 0.05 * kNoise_psi);
+}
+
+TEST(ValveFit, APriorHoldsWhatTheRecordingsDoNotShow) {
+  const auto population = test::session({}, kNoise_psi, 61);
+  const auto known = fit_valve(population, options_for(population));
+  ASSERT_TRUE(known);
+  const std::vector<Recording> alone{test::step_to({}, 1.4, kNoise_psi, 71)};
+  ValveFitOptions options{.knots = known->map.input};
+  const auto p = known->covariance.rows();
+  options.prior = ValvePrior{known->dynamics, known->map, Eigen::MatrixXd::Identity(p, p)};
+  options.prior->covariance.diagonal().head(3) << 0.01, 0.01, 1e-6;
+  const auto fit = fit_valve(alone, options);
+  ASSERT_TRUE(fit);
+  EXPECT_NEAR(fit->map(1.8), known->map(1.8), 0.5);
+}
+
+TEST(ValveFit, RefusesWhatIsNotAValve) {
+  auto recordings = test::session({}, kNoise_psi, 81);
+  const auto options = options_for(recordings);
+  recordings[2].output.unit = "";
+  const auto fit = fit_valve(recordings, options);
+  ASSERT_FALSE(fit);
+  EXPECT_EQ(fit.error().code, "units");
+  EXPECT_FALSE(fit_valve({}, options));
+}
+
+TEST(ValveFit, CanonicalDynamicsKeepTheTransferFunction) {
+  const ValveDynamics dynamics{.delay_s = 0.01, .natural_frequency_rad_s = 60, .damping_ratio = 2, .lag_s = {0.2}};
+  const TransferFunction before = to_transfer_function(dynamics);
+  const ValveDynamics ordered = canonical(dynamics);
+  const TransferFunction after = to_transfer_function(ordered);
+  const std::vector<double> frequencies{0.1, 1, 5, 20};
+  const auto a = frequency_response(before, frequencies);
+  const auto b = frequency_response(after, frequencies);
+  for (std::size_t i = 0; i < frequencies.size(); ++i) EXPECT_NEAR(std::abs(a[i] - b[i]), 0, 1e-12);
+  // The lag is the fastest of the three: 0.2 s is slower than both of the pair, so it moved into the pair.
+  EXPECT_LT(ordered.lag_s[0], 0.01);
+}
+
+TEST(MapKnots, CoverTheInputsAtAFortiethOfAnAmpere) {
+  const std::vector<Recording> recordings{test::triangle({}, 0, 1)};
+  const auto knots = map_knots(recordings);
+  ASSERT_TRUE(knots);
+  EXPECT_LE(knots->front(), 1.0 + 1e-12);
+  EXPECT_GE(knots->back(), 2.0989);
+  for (std::size_t i = 1; i < knots->size(); ++i) EXPECT_NEAR((*knots)[i] - (*knots)[i - 1], 0.025, 1e-9);
+}
+
+TEST(MapKnots, OfAnInputThatNeverChangesAreRefused) {
+  Recording constant = test::triangle({}, 0, 1);
+  std::fill(constant.input.values.begin(), constant.input.values.end(), 1.4);
+  const std::vector<Recording> recordings{constant};
+  EXPECT_FALSE(map_knots(recordings));
+}
+
+}  // namespace
+}  // namespace valvetriage

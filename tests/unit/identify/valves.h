@@ -1,0 +1,72 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "core/identify/valve_fit.h"
+#include "core/model/valve_dynamics.h"
+
+namespace valvetriage::test {
+
+/// A made-up valve of exactly the fitted structure: smooth map, second-order dynamics, delay.
+struct MadeValve {
+  ValveDynamics dynamics{.delay_s = 0.0072, .natural_frequency_rad_s = 38, .damping_ratio = 1.2};
+  double scale = 1;  ///< of the map
+
+  double map(double current_a) const {
+    const double x = std::clamp((current_a - 1.0) / 1.2, 0.0, 1.0);
+    return scale * 220 * x * x * (3 - 2 * x);
+  }
+};
+
+inline Recording played(const MadeValve& valve, TestKind test, const std::vector<double>& current,
+                        std::vector<Segment> segments, double noise, unsigned seed) {
+  Recording recording;
+  recording.name = to_string(test) + ".csv";
+  recording.test = test;
+  recording.sample_period_s = 0.005;
+  recording.input.unit = "A";
+  recording.output.unit = "psi";
+  recording.input.values = current;
+  recording.segments = std::move(segments);
+  recording.output.values.resize(current.size());
+  for (std::size_t i = 0; i < current.size(); ++i) recording.time_s.push_back(static_cast<double>(i) * 0.005);
+  IntervalSignal through = input_between_samples(recording);
+  for (double& v : through.start) v = valve.map(v);
+  for (double& v : through.end) v = valve.map(v);
+  SampledValveDynamics(valve.dynamics, 0.005).run(through, recording.output.values);
+  std::mt19937 random(seed);
+  std::normal_distribution<double> normal;
+  for (double& y : recording.output.values) y += noise * normal(random);
+  return recording;
+}
+
+inline Recording step_to(const MadeValve& valve, double level_a, double noise, unsigned seed) {
+  std::vector<double> current(1200, 1.0);
+  std::fill(current.begin() + 200, current.begin() + 800, level_a);
+  return played(valve, TestKind::kStep, current,
+                {{.kind = SegmentKind::kHold, .begin = 0, .end = 200, .level = 1.0},
+                 {.kind = SegmentKind::kStep, .begin = 200, .end = 800, .level = level_a, .from_level = 1.0},
+                 {.kind = SegmentKind::kStep, .begin = 800, .end = 1200, .level = 1.0, .from_level = level_a}},
+                noise, seed);
+}
+
+inline Recording triangle(const MadeValve& valve, double noise, unsigned seed) {
+  std::vector<double> current(4000);
+  for (std::size_t i = 0; i < current.size(); ++i) {
+    const double x = static_cast<double>(i) / 2000.0;
+    current[i] = 1.0 + 1.1 * (x < 1 ? x : 2 - x);
+  }
+  return played(valve, TestKind::kTriangle, current, {{.kind = SegmentKind::kRamp, .begin = 0, .end = 4000}}, noise, seed);
+}
+
+/// A session: steps to 1.4, 1.6 and 1.8 A and a triangle.
+inline std::vector<Recording> session(const MadeValve& valve, double noise, unsigned seed) {
+  return {step_to(valve, 1.4, noise, seed), step_to(valve, 1.6, noise, seed + 1), step_to(valve, 1.8, noise, seed + 2),
+          triangle(valve, noise, seed + 3)};
+}
+
+}  // namespace valvetriage::test
