@@ -369,9 +369,9 @@ Descent descend(const Problem& problem, VectorXd v, int most_iterations) {
 /// Starting points for the dynamics: the population's mean, or a fan of natural frequencies.
 std::vector<ValveDynamics> starts(const ValveFitOptions& options, std::span<const Recording> recordings) {
   if (options.prior) return {options.prior->dynamics};
+  if (options.start) return {*options.start};
   const double period = recordings.front().sample_period_s;
   std::vector<ValveDynamics> fan;
-  if (options.start) fan.push_back(*options.start);
   for (const double samples : {4.0, 12.0, 40.0}) {
     ValveDynamics dynamics{
         .delay_s = period, .natural_frequency_rad_s = 1.0 / (samples * period), .damping_ratio = 1.0};
@@ -466,11 +466,18 @@ Result<ValveFit> fit_valve(std::span<const Recording> recordings, const ValveFit
     problem.set_smoothness(kSmoothness * a.diagonal().segment(problem.dynamic(), problem.knots()).mean());
   }
 
+  // Every start gets a few steps, the best of them the rest.
+  constexpr int kScoutIterations = 4;
+  const auto fan = starts(options, recordings);
   Descent best;
   best.cost = std::numeric_limits<double>::infinity();
-  for (const ValveDynamics& start : starts(options, recordings)) {
-    Descent found = descend(problem, start_vector(problem, start, options), options.most_iterations);
+  for (const ValveDynamics& start : fan) {
+    Descent found = descend(problem, start_vector(problem, start, options),
+                            fan.size() > 1 ? kScoutIterations : options.most_iterations);
     if (found.cost < best.cost) best = std::move(found);
+  }
+  if (best.termination == FitTermination::kIterationLimit && fan.size() > 1) {
+    best = descend(problem, std::move(best.v), options.most_iterations);
   }
 
   ValveFit fit;

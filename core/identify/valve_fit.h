@@ -23,7 +23,7 @@ struct ValveFitOptions {
   std::vector<double> knots;           ///< inputs of the map's knots, strictly increasing, 0.025 A apart or finer
   int order = 2;                       ///< of the dynamics, 2 to 5
   std::optional<ValvePrior> prior;     ///< empty: a slight preference for a smooth map alone
-  std::optional<ValveDynamics> start;  ///< tried first, besides the fan of natural frequencies
+  std::optional<ValveDynamics> start;  ///< instead of the fan of natural frequencies
   int most_iterations = 40;
 };
 

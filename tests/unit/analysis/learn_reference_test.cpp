@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Cholesky>
+
 #include "tests/unit/identify/valves.h"
 
 namespace valvetriage {
@@ -19,7 +21,8 @@ std::vector<ValveRecordings> population(int valves, unsigned seed) {
     valve.dynamics.natural_frequency_rad_s *= std::exp(0.05 * normal(random));
     valve.dynamics.delay_s += 0.0003 * normal(random);
     valve.scale *= std::exp(0.02 * normal(random));
-    good.push_back({"GOOD-" + std::to_string(i + 1), test::session(valve, kNoise_psi, seed + 100u * static_cast<unsigned>(i))});
+    good.push_back(
+        {"GOOD-" + std::to_string(i + 1), test::session(valve, kNoise_psi, seed + 100u * static_cast<unsigned>(i))});
   }
   return good;
 }
@@ -76,7 +79,8 @@ TEST(LearnReference, PointsOutABadValveAmongTheGoodAndLeavesItOut) {
   const auto reference = learn_reference(valves, "type-1");
   ASSERT_TRUE(reference);
   EXPECT_EQ(reference->valves, 7);
-  for (const ReferenceMember& member : reference->members) EXPECT_EQ(member.used, member.serial != "BAD") << member.serial;
+  for (const ReferenceMember& member : reference->members)
+    EXPECT_EQ(member.used, member.serial != "BAD") << member.serial;
 }
 
 TEST(LearnReference, KeepsEveryValveOfAGoodPopulation) {

@@ -60,7 +60,8 @@ inline Recording triangle(const MadeValve& valve, double noise, unsigned seed) {
     const double x = static_cast<double>(i) / 2000.0;
     current[i] = 1.0 + 1.1 * (x < 1 ? x : 2 - x);
   }
-  return played(valve, TestKind::kTriangle, current, {{.kind = SegmentKind::kRamp, .begin = 0, .end = 4000}}, noise, seed);
+  return played(valve, TestKind::kTriangle, current, {{.kind = SegmentKind::kRamp, .begin = 0, .end = 4000}}, noise,
+                seed);
 }
 
 /// A session: steps to 1.4, 1.6 and 1.8 A and a triangle.

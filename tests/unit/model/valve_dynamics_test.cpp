@@ -47,8 +47,8 @@ TEST(ValveDynamics, ARampIsExactBetweenItsSamples) {
 }
 
 TEST(ValveDynamics, RestsAtItsFirstInput) {
-  const SampledValveDynamics sampled({.delay_s = 0.01, .natural_frequency_rad_s = 20, .damping_ratio = 0.4, .lag_s = {0.03}},
-                                     kPeriod_s);
+  const SampledValveDynamics sampled(
+      {.delay_s = 0.01, .natural_frequency_rad_s = 20, .damping_ratio = 0.4, .lag_s = {0.03}}, kPeriod_s);
   IntervalSignal constant{std::vector<double>(50, 7.5), std::vector<double>(50, 7.5)};
   std::vector<double> out(50);
   sampled.run(constant, out);
@@ -56,7 +56,8 @@ TEST(ValveDynamics, RestsAtItsFirstInput) {
 }
 
 TEST(ValveDynamics, AgreesWithItsTransferFunctionAtRest) {
-  const ValveDynamics dynamics{.delay_s = 0.01, .natural_frequency_rad_s = 20, .damping_ratio = 0.4, .lag_s = {0.03, 0.1}};
+  const ValveDynamics dynamics{
+      .delay_s = 0.01, .natural_frequency_rad_s = 20, .damping_ratio = 0.4, .lag_s = {0.03, 0.1}};
   const TransferFunction g = to_transfer_function(dynamics);
   EXPECT_NEAR(static_gain(g), 1.0, 1e-12);
   EXPECT_TRUE(is_stable(g));
