@@ -1,0 +1,114 @@
+#include <fmt/format.h>
+
+#include <memory>
+
+#include "core/classify/check.h"
+#include "server/commands/commands.h"
+#include "server/commands/rule_base.h"
+#include "server/wire/rule_base_json.h"
+
+namespace valvetriage {
+namespace {
+
+struct ClassifyArguments {
+  std::string table;
+  std::string rule_base = "calibrated";
+  bool json = false;
+};
+
+Result<std::vector<Classification>> classify_rows(const RuleBase& base, const FeatureTable& table) {
+  std::vector<Classification> rows;
+  rows.reserve(table.rows.size());
+  for (const FeatureRow& row : table.rows) {
+    auto classified = classify(base, row.levels);
+    if (!classified) return tl::unexpected(classified.error());
+    rows.push_back(std::move(*classified));
+  }
+  return rows;
+}
+
+void print_json(const RuleBase& base, const std::vector<Classification>& rows) {
+  Json document{{"rule_base", rule_base_identity(base)}, {"rows", Json::array()}};
+  for (const Classification& row : rows) document["rows"].push_back(to_json(row));
+  fmt::print("{}\n", dump_json(document, true));
+}
+
+std::string memberships_text(const Memberships& memberships) {
+  return fmt::format("{:6.3f} {:6.3f} {:6.3f}", memberships[0], memberships[1], memberships[2]);
+}
+
+void print_rows(const FeatureTable& table, const std::vector<Classification>& rows) {
+  fmt::print("{:>6}  {:<14} {:>6} {:>6} {:>6}  levels\n", "line", "verdict", "good", "malf", "severe");
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const Classification& row = rows[i];
+    std::string levels;
+    for (const auto& level : row.per_level) {
+      levels += fmt::format("{}{} {}", levels.empty() ? "" : ", ", level.level, to_string(level.verdict));
+      for (const Quantity missing : level.inputs_missing) levels += fmt::format(" (without {})", to_string(missing));
+    }
+    for (const auto& missing : row.missing_levels) levels += fmt::format("{}{} missing", levels.empty() ? "" : ", ", missing);
+    fmt::print("{:>6}  {:<14} {}  {}\n", table.rows[i].line, row.verdict ? to_string(*row.verdict) : "none",
+               memberships_text(row.memberships), levels);
+  }
+}
+
+/// Against the labels of the table: right per valve and per level, and soft errors per level.
+void print_agreement(const FeatureTable& table, const std::vector<Classification>& rows) {
+  std::size_t right = 0, sets = 0, sets_right = 0, soft = 0;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const Verdict truth = *table.rows[i].verdict;
+    right += rows[i].verdict == truth;
+    for (const auto& level : rows[i].per_level) {
+      ++sets;
+      sets_right += level.verdict == truth;
+      soft += is_soft_error(truth, level.verdict, level.memberships);
+    }
+  }
+  fmt::print("\n{} of {} valves as labelled; {} of {} levels, {} soft errors among them\n", right, rows.size(), sets_right,
+             sets, soft);
+}
+
+void print_report(const RuleBase& base, const FeatureTable& table, const std::vector<Classification>& rows) {
+  print_rows(table, rows);
+  if (table.has_verdicts) print_agreement(table, rows);
+  fmt::print("\nrule base {} version {} ({})\n", base.name, base.version, base.sha256.substr(0, 12));
+  for (const RuleBaseFinding& finding : check_rule_base(base)) fmt::print("note: {}\n", finding.text);
+}
+
+ExitStatus run(const ClassifyArguments& arguments) {
+  const auto base = open_rule_base(arguments.rule_base);
+  if (!base) {
+    print_error(base.error());
+    return kBadInput;
+  }
+  const auto table = open_feature_table(arguments.table);
+  if (!table) {
+    print_error(table.error());
+    return kBadInput;
+  }
+  const auto rows = classify_rows(*base, *table);
+  if (!rows) {
+    print_error(rows.error());
+    return kBadInput;
+  }
+  if (arguments.json) {
+    print_json(*base, *rows);
+  } else {
+    print_report(*base, *table, *rows);
+  }
+  return kDone;
+}
+
+}  // namespace
+
+void add_classify_command(CLI::App& app, int& exit_status) {
+  CLI::App* verb = app.add_subcommand("classify", "Memberships and verdict of a table of valves");
+  auto arguments = std::make_shared<ClassifyArguments>();
+  verb->add_option("TABLE.csv", arguments->table, "Rows with error_low,error_high or error_<level in A>; - is standard input")
+      ->required();
+  verb->add_option("--rule-base", arguments->rule_base, "A file, or paper, or calibrated")->capture_default_str();
+  verb->add_flag("--json", arguments->json, "Print JSON");
+  verb->callback([arguments, &exit_status] { exit_status = run(*arguments); });
+}
+
+}  // namespace valvetriage

@@ -1,0 +1,106 @@
+#include "server/commands/rule_base.h"
+
+#include <fmt/format.h>
+
+#include <fstream>
+#include <iostream>
+#include <memory>
+
+#include "server/commands/commands.h"
+#include "server/wire/rule_base_json.h"
+
+namespace valvetriage {
+namespace {
+
+/// At most `most` bytes and one more, so that the parser behind it can say that there are too many.
+Result<std::string> read_text(const std::string& file, std::size_t most) {
+  std::ifstream opened;
+  if (file != "-") opened.open(file, std::ios::binary);
+  std::istream& in = file == "-" ? std::cin : opened;
+  std::string text(most + 1, '\0');
+  if (in) in.read(text.data(), std::streamsize(text.size()));
+  if (in.bad() || (!in && in.gcount() == 0 && !in.eof())) {
+    Error error{.code = "cannot_read", .message = "the file cannot be read"};
+    error.file = file;
+    return tl::unexpected(error);
+  }
+  text.resize(std::size_t(in.gcount()));
+  return text;
+}
+
+auto in_file(const std::string& file) {
+  return [file](Error error) {
+    error.file = file == "-" ? "standard input" : file;
+    return error;
+  };
+}
+
+struct LearnArguments {
+  std::string table;
+  std::string output;
+  std::string name = "learned";
+  double rate_hz = 0;
+  double duration_s = 0;
+  std::string unit = "psi";
+};
+
+Result<LearnedRuleBase> learn(const LearnArguments& arguments) {
+  LearnOptions options{.name = arguments.name};
+  if (arguments.rate_hz > 0) options.window = FeatureWindow{arguments.rate_hz, arguments.duration_s, arguments.unit};
+  return open_feature_table(arguments.table).and_then([&](const FeatureTable& table) {
+    return labelled_valves(table)
+        .and_then([&](const std::vector<LabelledValve>& valves) { return learn_rule_base(valves, options); })
+        .map_error(in_file(arguments.table));
+  });
+}
+
+ExitStatus run_learn(const LearnArguments& arguments) {
+  const auto learned = learn(arguments);
+  if (!learned) {
+    print_error(learned.error());
+    return kBadInput;
+  }
+  std::ofstream out(arguments.output, std::ios::binary);
+  out << dump_json(to_json(learned->base), true) << '\n';
+  if (!out.flush()) {
+    print_error({.code = "cannot_write", .message = "the file cannot be written", .file = arguments.output});
+    return kFailure;
+  }
+  for (const std::string& note : learned->notes) fmt::print(stderr, "{}\n", note);
+  fmt::print(stderr, "{}: {} levels; {} of the labelled valves wrong on the data it was set on\n", arguments.output,
+             learned->base.levels.size(), learned->wrong);
+  return kDone;
+}
+
+}  // namespace
+
+Result<RuleBase> open_rule_base(const std::string& name_or_file) {
+  if (auto embedded = embedded_rule_base(name_or_file)) return embedded;
+  return read_text(name_or_file, kMaxRuleBaseBytes).and_then(rule_base_from_json).map_error(in_file(name_or_file));
+}
+
+Result<FeatureTable> open_feature_table(const std::string& file) {
+  return read_text(file, kMaxTableBytes).and_then(parse_feature_table).map_error(in_file(file));
+}
+
+void add_rule_base_command(CLI::App& app, int& exit_status) {
+  CLI::App* group = app.add_subcommand("rule-base", "Rule bases: learn one from labelled valves");
+  group->require_subcommand(1);
+  CLI::App* verb = group->add_subcommand("learn", "A rule base from a table of valves with a verdict column");
+  auto arguments = std::make_shared<LearnArguments>();
+  verb->add_option("TABLE.csv", arguments->table, "error_low,error_high (or error_<level in A>),verdict; - is standard input")
+      ->required();
+  verb->add_option("-o,--output", arguments->output, "Where the rule base goes")->required();
+  verb->add_option("--name", arguments->name, "Name of the rule base")->capture_default_str();
+  CLI::Option* rate = verb->add_option("--rate-hz", arguments->rate_hz, "Sample rate the errors were computed at")
+                          ->check(CLI::PositiveNumber);
+  CLI::Option* duration = verb->add_option("--duration-s", arguments->duration_s, "FeatureWindow the errors were computed on")
+                              ->check(CLI::PositiveNumber);
+  CLI::Option* unit = verb->add_option("--unit", arguments->unit, "Unit of the output")->capture_default_str();
+  rate->needs(duration);
+  duration->needs(rate);
+  unit->needs(rate);
+  verb->callback([arguments, &exit_status] { exit_status = run_learn(*arguments); });
+}
+
+}  // namespace valvetriage
