@@ -182,6 +182,8 @@ Result<std::vector<PlannedColumn>> plan_columns(const std::vector<std::string>& 
     if (!column) return tl::unexpected(column.error());
     if (*column) {
       plan.push_back(std::move(**column));
+    } else if (role.role == ColumnRole::kOutput && mapping.output_optional) {
+      continue;
     } else if (role.role != ColumnRole::kTime || !mapping.sample_rate_hz) {
       const std::string expected = fmt::format("{}_ and one of {}", role.quantity, accepted_units(role.role));
       return column_error(

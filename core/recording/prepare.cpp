@@ -36,14 +36,15 @@ Result<void> check_channel(const Channel& channel, std::size_t samples) {
                        "finite numbers");
 }
 
-Result<void> check_samples(const RawRecording& raw) {
+Result<void> check_samples(const RawRecording& raw, bool output_optional) {
   const std::size_t samples = raw.input.values.size();
   if (samples == 0) return fail("no_samples", "no samples");
   if (samples < kMinSamples) {
     return fail("too_few_samples", fmt::format("{} samples, at least {} are needed", samples, kMinSamples));
   }
   if (samples > kMaxRows) return fail("too_large", fmt::format("{} samples, at most {} are taken", samples, kMaxRows));
-  std::vector<const Channel*> channels{&raw.input, &raw.output};
+  std::vector<const Channel*> channels{&raw.input};
+  if (!output_optional || !raw.output.values.empty()) channels.push_back(&raw.output);
   if (!raw.time.values.empty()) channels.push_back(&raw.time);
   for (const Channel& side : raw.side) channels.push_back(&side);
   for (const Channel* channel : channels) {
@@ -81,7 +82,7 @@ Result<void> take_test(Recording& recording) {
 }
 
 Result<Recording> prepare(RawRecording raw, const ColumnMapping& mapping) {
-  if (auto checked = check_samples(raw); !checked) return tl::unexpected(checked.error());
+  if (auto checked = check_samples(raw, mapping.output_optional); !checked) return tl::unexpected(checked.error());
   if (raw.time.values.empty()) {
     if (!mapping.sample_rate_hz) return fail("missing_column", "neither a time column nor a sampling rate");
     if (auto checked = check_sample_rate(*mapping.sample_rate_hz); !checked) return tl::unexpected(checked.error());

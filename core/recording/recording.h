@@ -81,7 +81,7 @@ struct Recording {
   std::vector<QualityItem> quality;
   std::vector<Segment> segments;
 
-  std::size_t samples() const { return output.values.size(); }
+  std::size_t samples() const { return input.values.size(); }
   double sample_rate_hz() const { return 1.0 / sample_period_s; }
   bool is_valid(std::size_t i) const { return valid.empty() || valid[i] != 0; }
   /// Currents in A and pressures in psi: the valve's own units. Otherwise figures carry unit "".
@@ -93,6 +93,7 @@ struct ColumnMapping {
   std::string time, input, output;         ///< column names; empty: `time_*`, `current_*`, `pressure_*`
   std::vector<std::string> side;           ///< side inputs by column name
   std::optional<double> sample_rate_hz{};  ///< where there is no time column [Hz]
+  bool output_optional = false;            ///< an input alone will do (`simulate`): the output channel may be empty
 };
 
 /// What the parsers hand over: columns as they stood, converted, nothing resampled or judged yet.

@@ -155,7 +155,7 @@ void resample(Recording& recording, const Grid& grid) {
   const std::vector<double>& time = recording.time_s;
   const double jump = kJumpRatio * range_of(recording.input.values);
   recording.input.values = on_grid(time, recording.input.values, grid, jump);
-  recording.output.values = on_grid(time, recording.output.values, grid, kNever);
+  if (!recording.output.values.empty()) recording.output.values = on_grid(time, recording.output.values, grid, kNever);
   for (Channel& side : recording.side) side.values = on_grid(time, side.values, grid, kNever);
 }
 

@@ -55,7 +55,13 @@ Result<RawRecording> parse(ByteSource& text, RecordingFormat format, const ReadO
   return parse_csv(text, options.name, options.mapping);
 }
 
-Result<ReadRecording> read(ByteSource& source, const ReadOptions& options) {
+struct RawRead {
+  RawRecording raw;
+  std::string sha256;
+  std::size_t bytes = 0;
+};
+
+Result<RawRead> read_raw(ByteSource& source, const ReadOptions& options) {
   PeekedSource packed(source);
   const auto packed_head = packed.peek();
   if (!packed_head) return tl::unexpected(packed_head.error());
@@ -71,9 +77,37 @@ Result<ReadRecording> read(ByteSource& source, const ReadOptions& options) {
     return tl::unexpected(merged.error());
   }
   if (auto drained = hashed.drain(); !drained) return tl::unexpected(drained.error());
-  auto recording = prepare_recording(std::move(*raw), options.mapping);
+  return RawRead{std::move(*raw), hashed.sha256(), hashed.bytes()};
+}
+
+Result<ReadRecording> read(ByteSource& source, const ReadOptions& options) {
+  auto read = read_raw(source, options);
+  if (!read) return tl::unexpected(read.error());
+  auto recording = prepare_recording(std::move(read->raw), options.mapping);
   if (!recording) return tl::unexpected(recording.error());
-  return ReadRecording{std::move(*recording), hashed.sha256(), hashed.bytes()};
+  return ReadRecording{std::move(*recording), read->sha256, read->bytes};
+}
+
+/// The same, an error saying which file it is in.
+template <typename T>
+Result<T> in_file(Result<T> read, const std::string& name) {
+  if (!read) read.error().file = name;
+  return read;
+}
+
+template <typename Read>
+auto with_file(const std::string& path, const ReadOptions& options, const Read& read)
+    -> decltype(read(std::declval<ByteSource&>(), options)) {
+  ReadOptions named = options;
+  if (named.name.empty()) named.name = last_part(path);
+  const OpenFile file(path);
+  struct stat status {};
+  if (file.descriptor() < 0 || ::fstat(file.descriptor(), &status) != 0) {
+    return cannot_read(named.name, std::strerror(errno));
+  }
+  if (S_ISDIR(status.st_mode)) return cannot_read(named.name, "it is a folder");
+  DescriptorSource source(file.descriptor());
+  return read(source, named);
 }
 
 }  // namespace
@@ -88,23 +122,19 @@ RecordingFormat format_of(std::string_view first_bytes) {
 }
 
 Result<ReadRecording> read_recording(ByteSource& source, const ReadOptions& options) {
-  auto recording = read(source, options);
-  if (recording) return recording;
-  Error error = recording.error();
-  error.file = options.name;
-  return tl::unexpected(std::move(error));
+  return in_file(read(source, options), options.name);
 }
 
 Result<ReadRecording> read_recording_file(const std::string& path, const ReadOptions& options) {
-  ReadOptions named = options;
-  if (named.name.empty()) named.name = last_part(path);
-  const OpenFile file(path);
-  struct stat status {};
-  if (file.descriptor() < 0 || ::fstat(file.descriptor(), &status) != 0) {
-    return cannot_read(named.name, std::strerror(errno));
-  }
-  if (S_ISDIR(status.st_mode)) return cannot_read(named.name, "it is a folder");
-  return read_recording_descriptor(file.descriptor(), named);
+  return with_file(path, options, read_recording);
+}
+
+Result<RawRecording> read_raw_recording_file(const std::string& path, const ReadOptions& options) {
+  return with_file(path, options, [](ByteSource& source, const ReadOptions& named) -> Result<RawRecording> {
+    auto read = in_file(read_raw(source, named), named.name);
+    if (!read) return tl::unexpected(read.error());
+    return std::move(read->raw);
+  });
 }
 
 Result<ReadRecording> read_recording_descriptor(int descriptor, const ReadOptions& options) {

@@ -42,4 +42,7 @@ Result<ReadRecording> read_recording_file(const std::string& path, const ReadOpt
 Result<ReadRecording> read_recording_descriptor(int descriptor, const ReadOptions& options);
 Result<ReadRecording> read_recording_memory(std::string_view bytes, const ReadOptions& options);
 
+/// The columns as they stood, converted but neither checked nor resampled: for output at the file's own stamps.
+Result<RawRecording> read_raw_recording_file(const std::string& path, const ReadOptions& options);
+
 }  // namespace valvetriage
