@@ -122,7 +122,6 @@ struct JobRow {
   std::optional<TimestampMs> finished_at;
   int attempt = 0;
   int crashes = 0;
-  bool cancel_requested = false;
   std::string options_json;
   double progress = 0;
   std::string progress_note;
@@ -269,14 +268,8 @@ struct NewAnalysis {
 /// kTimeout    as kFault, but only once more
 /// kCrash      the child died: again, `poisoned` at the third
 /// kFailed     a fault that repeating cannot mend: final at once
-/// kCancelled  stopped on request: final at once
 /// kReturned   handed back by a server that is going down: queued again, the attempt not counted
-enum class AttemptEnd { kRejected, kFault, kTimeout, kCrash, kFailed, kCancelled, kReturned };
-
-struct HeartbeatReply {
-  bool still_ours = false;  ///< false: the lease was lost, stop and discard
-  bool cancel = false;
-};
+enum class AttemptEnd { kRejected, kFault, kTimeout, kCrash, kFailed, kReturned };
 
 /// All given fields must match. `cause` is the strongest cause. `since` is inclusive, `until` exclusive, of
 /// received_at.
@@ -366,14 +359,14 @@ class Store {
                                    std::string_view actor, std::int64_t max_queued_jobs) = 0;
   /// The longest-waiting job that may run now, leased to `worker` for `lease_ms`; nothing when there is none.
   virtual Result<std::optional<JobRow>> claim(std::string_view worker, std::int64_t lease_ms) = 0;
-  /// Prolongs the lease and notes progress.
-  virtual Result<HeartbeatReply> heartbeat(const LeaseToken& lease, std::int64_t lease_ms, double progress,
-                                           std::string_view progress_note) = 0;
+  /// Prolongs the lease and notes progress. `lease_lost` if the job is no longer ours: stop and discard.
+  virtual Result<void> heartbeat(const LeaseToken& lease, std::int64_t lease_ms, double progress,
+                                 std::string_view progress_note) = 0;
   /// The result and the end of the job, one transaction. `lease_lost` if the job is no longer ours: nothing is stored.
   virtual Result<AnalysisRow> finish(const LeaseToken& lease, const NewAnalysis& analysis) = 0;
   /// The end of an attempt without a result; the job's state afterwards. `lease_lost` as above.
   virtual Result<JobRow> end_attempt(const LeaseToken& lease, AttemptEnd end, std::string_view problem_json) = 0;
-  /// Queued: cancelled at once. Running: its worker is told with the next heartbeat. Final: `not_cancellable`.
+  /// Cancelled at once, running or not: whoever runs it has lost the lease and stops. Final already: `not_cancellable`.
   virtual Result<JobRow> cancel(std::string_view job_id, std::string_view actor) = 0;
   /// Leases that ran out: back to the queue, or poisoned. Returns how many.
   virtual Result<int> expire_leases() = 0;

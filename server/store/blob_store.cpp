@@ -1,0 +1,179 @@
+#include "server/store/blob_store.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <utility>
+
+#include "server/store/id.h"
+#include "server/wire/sha256.h"
+
+namespace valvetriage {
+namespace {
+
+constexpr unsigned kStoredMode = 0440;
+/// Longer than any upload lasts: a younger blob may still get its row.
+constexpr std::int64_t kOrphanAgeMs = 24 * 3600 * std::int64_t{1000};
+constexpr std::size_t kPieceBytes = 1 << 16;
+
+std::string incoming_of(const std::string& data_dir) {
+  return data_dir + "/incoming";
+}
+std::string blobs_of(const std::string& data_dir) {
+  return data_dir + "/blobs";
+}
+std::string shard_of(const std::string& data_dir, std::string_view sha256) {
+  return fmt::format("{}/{}", blobs_of(data_dir), sha256.substr(0, 2));
+}
+
+/// Calls `take` with each piece of the file.
+template <typename Take>
+Result<void> read_pieces(FileSystem& files, const std::string& path, const Take& take) {
+  const auto fd = files.open_read(path);
+  if (!fd) return tl::unexpected(fd.error());
+  std::array<char, kPieceBytes> piece;
+  Result<std::size_t> got = 0;
+  while ((got = files.read(*fd, piece.data(), piece.size())) && *got > 0) take(std::string_view(piece.data(), *got));
+  files.close(*fd);
+  if (!got) return tl::unexpected(got.error());
+  return {};
+}
+
+Error damaged(std::string_view sha256) {
+  return Error{.code = "blob_damaged",
+               .message = fmt::format("the stored bytes of {} no longer have this hash", sha256)};
+}
+
+}  // namespace
+
+struct BlobWriter::State {
+  std::string data_dir;
+  FileSystem& files;
+  std::string path;
+  int fd;
+  std::int64_t max_bytes;
+  std::int64_t size = 0;
+  Sha256 hash{};
+  bool renamed = false;
+
+  ~State() {
+    if (fd >= 0) files.close(fd);
+    if (!renamed) (void)files.remove(path);  // what stays behind is swept at the next start
+  }
+};
+
+BlobWriter::BlobWriter(std::unique_ptr<State> state) : state_(std::move(state)) {}
+BlobWriter::BlobWriter(BlobWriter&&) noexcept = default;
+BlobWriter::~BlobWriter() = default;
+
+Result<void> BlobWriter::write(std::string_view bytes) {
+  if (static_cast<std::int64_t>(bytes.size()) > state_->max_bytes - state_->size) {
+    return fail("too_large", fmt::format("the upload is larger than {} bytes when expanded", state_->max_bytes));
+  }
+  if (auto written = state_->files.write(state_->fd, bytes); !written) return written;
+  state_->hash.update(bytes);
+  state_->size += static_cast<std::int64_t>(bytes.size());
+  return {};
+}
+
+Result<StoredBlob> BlobWriter::commit() {
+  FileSystem& files = state_->files;
+  const std::string sha256 = state_->hash.hex();
+  const std::string shard = shard_of(state_->data_dir, sha256);
+  return files.set_mode(state_->fd, kStoredMode)
+      .and_then([&] { return files.sync(state_->fd); })
+      .and_then([&] { return files.rename(state_->path, fmt::format("{}/{}", shard, sha256)); })
+      .and_then([&] {
+        state_->renamed = true;
+        return files.sync_directory(shard);
+      })
+      .map([&] { return StoredBlob(sha256, state_->size); });
+}
+
+BlobStore::BlobStore(std::string data_dir, FileSystem& files, const Clock& clock)
+    : data_dir_(std::move(data_dir)), files_(files), clock_(clock) {}
+
+Result<std::unique_ptr<BlobStore>> BlobStore::open(const std::string& data_dir, FileSystem& files, const Clock& clock) {
+  if (const auto made = files.make_directory(data_dir); !made) return tl::unexpected(made.error());
+  for (const std::string& folder : {incoming_of(data_dir), blobs_of(data_dir)}) {
+    if (const auto made = files.make_directory(folder); !made) return tl::unexpected(made.error());
+  }
+  // All shards from the start: no upload has to make one durable on its way.
+  for (int shard = 0; shard < 256; ++shard) {
+    const auto made = files.make_directory(fmt::format("{}/{:02x}", blobs_of(data_dir), shard));
+    if (!made) return tl::unexpected(made.error());
+  }
+  for (const std::string& folder : {blobs_of(data_dir), data_dir}) {
+    if (const auto synced = files.sync_directory(folder); !synced) return tl::unexpected(synced.error());
+  }
+  return std::unique_ptr<BlobStore>(new BlobStore(data_dir, files, clock));
+}
+
+Result<BlobWriter> BlobStore::begin(std::int64_t max_bytes) {
+  const std::string path = fmt::format("{}/{}", incoming_of(data_dir_), random_name());
+  const auto fd = files_.create(path);
+  if (!fd) return tl::unexpected(fd.error());
+  return BlobWriter(std::unique_ptr<BlobWriter::State>(new BlobWriter::State{data_dir_, files_, path, *fd, max_bytes}));
+}
+
+std::string BlobStore::path_of(std::string_view sha256) const {
+  return fmt::format("{}/{}", shard_of(data_dir_, sha256), sha256);
+}
+
+Result<std::string> BlobStore::read(std::string_view sha256) const {
+  std::string bytes;
+  const auto done = read_pieces(files_, path_of(sha256), [&](std::string_view piece) { bytes += piece; });
+  if (!done) return tl::unexpected(done.error());
+  if (sha256_hex(bytes) != sha256) return tl::unexpected(damaged(sha256));
+  return bytes;
+}
+
+Result<void> BlobStore::verify(std::string_view sha256) const {
+  Sha256 hash;
+  const auto done = read_pieces(files_, path_of(sha256), [&](std::string_view piece) { hash.update(piece); });
+  if (!done) return done;
+  if (hash.hex() != sha256) return tl::unexpected(damaged(sha256));
+  return {};
+}
+
+Result<std::int64_t> BlobStore::free_bytes() const {
+  return files_.free_bytes(data_dir_);
+}
+
+Result<std::vector<std::string>> BlobStore::list() const {
+  std::vector<std::string> names;
+  const auto shards = files_.list(blobs_of(data_dir_));
+  if (!shards) return tl::unexpected(shards.error());
+  for (const DirectoryEntry& shard : *shards) {
+    const auto blobs = files_.list(fmt::format("{}/{}", blobs_of(data_dir_), shard.name));
+    if (!blobs) return tl::unexpected(blobs.error());
+    for (const DirectoryEntry& blob : *blobs) names.push_back(blob.name);
+  }
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+Result<int> BlobStore::sweep(Store& store) {
+  int removed = 0;
+  const auto incoming = files_.list(incoming_of(data_dir_));
+  if (!incoming) return tl::unexpected(incoming.error());
+  for (const DirectoryEntry& entry : *incoming) {
+    if (files_.remove(fmt::format("{}/{}", incoming_of(data_dir_), entry.name))) ++removed;
+  }
+  const auto shards = files_.list(blobs_of(data_dir_));
+  if (!shards) return tl::unexpected(shards.error());
+  for (const DirectoryEntry& shard : *shards) {
+    const auto blobs = files_.list(fmt::format("{}/{}", blobs_of(data_dir_), shard.name));
+    if (!blobs) return tl::unexpected(blobs.error());
+    for (const DirectoryEntry& blob : *blobs) {
+      if (clock_.utc_ms() - blob.modified_ms < kOrphanAgeMs) continue;
+      const auto referenced = store.blob_is_referenced(blob.name);
+      if (!referenced) return tl::unexpected(referenced.error());
+      if (!*referenced && files_.remove(path_of(blob.name))) ++removed;
+    }
+  }
+  return removed;
+}
+
+}  // namespace valvetriage
