@@ -7,6 +7,7 @@
 
 #include "core/recording/columns.h"
 #include "core/recording/limits.h"
+#include "core/recording/quality.h"
 #include "core/recording/segments.h"
 #include "core/recording/time_base.h"
 
@@ -94,6 +95,7 @@ Result<Recording> prepare(RawRecording raw, const ColumnMapping& mapping) {
   auto recording = to_uniform_time(std::move(raw), mapping.sample_rate_hz);
   if (!recording) return recording;
   recording->segments = find_segments(recording->input.values, recording->sample_period_s);
+  judge_quality(*recording);
   if (auto test = take_test(*recording); !test) return tl::unexpected(test.error());
   return recording;
 }

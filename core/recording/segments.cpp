@@ -224,15 +224,15 @@ std::size_t samples_of(const std::vector<Segment>& segments, SegmentKind kind) {
   return samples;
 }
 
-/// A random excitation has jumps and pauses that nobody drew: where most of the input is a sweep, all from its first to
-/// its last sweep is one.
+/// A random excitation has jumps and pauses that nobody drew: where most of the input is a sweep, all of it is one but
+/// for a hold at its start and its end.
 void join_sweeps(std::span<const double> u, std::vector<Segment>& segments) {
   if (2 * samples_of(segments, SegmentKind::kSweep) <= u.size()) return;
-  const auto is_sweep = [](const Segment& segment) { return segment.kind == SegmentKind::kSweep; };
-  const auto first = std::ranges::find_if(segments, is_sweep);
-  const auto last = std::find_if(segments.rbegin(), segments.rend(), is_sweep).base();
-  first->end = std::prev(last)->end;
-  first->level = mean_of(u, {first->begin, first->end});
+  const auto moves = [](const Segment& segment) { return segment.kind != SegmentKind::kHold; };
+  const auto first = std::ranges::find_if(segments, moves);
+  const auto last = std::find_if(segments.rbegin(), segments.rend(), moves).base();
+  *first = hold_of(u, {first->begin, std::prev(last)->end});
+  first->kind = SegmentKind::kSweep;
   segments.erase(std::next(first), last);
 }
 

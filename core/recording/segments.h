@@ -17,7 +17,7 @@ double noise_of(std::span<const double> values);
 /// with little movement before and after; it begins at the first sample past half of the jump. What lies between steps
 /// is a hold where it moves less than 2 % of the range; else a polyline of ramps and holds where few straight pieces,
 /// long enough to be meant, follow it within 1.5 % of the range; else one sweep. Where sweeps are
-/// most of the input, everything from the first to the last of them is one.
+/// most of the input, all of it is one but for a hold at its start and end.
 ///
 /// input            n values on a uniform grid
 /// sample_period_s  [s]

@@ -46,7 +46,8 @@ void print_rows(const FeatureTable& table, const std::vector<Classification>& ro
       levels += fmt::format("{}{} {}", levels.empty() ? "" : ", ", level.level, to_string(level.verdict));
       for (const Quantity missing : level.inputs_missing) levels += fmt::format(" (without {})", to_string(missing));
     }
-    for (const auto& missing : row.missing_levels) levels += fmt::format("{}{} missing", levels.empty() ? "" : ", ", missing);
+    for (const auto& missing : row.missing_levels)
+      levels += fmt::format("{}{} missing", levels.empty() ? "" : ", ", missing);
     fmt::print("{:>6}  {:<14} {}  {}\n", table.rows[i].line, row.verdict ? to_string(*row.verdict) : "none",
                memberships_text(row.memberships), levels);
   }
@@ -64,8 +65,8 @@ void print_agreement(const FeatureTable& table, const std::vector<Classification
       soft += is_soft_error(truth, level.verdict, level.memberships);
     }
   }
-  fmt::print("\n{} of {} valves as labelled; {} of {} levels, {} soft errors among them\n", right, rows.size(), sets_right,
-             sets, soft);
+  fmt::print("\n{} of {} valves as labelled; {} of {} levels, {} soft errors among them\n", right, rows.size(),
+             sets_right, sets, soft);
 }
 
 void print_report(const RuleBase& base, const FeatureTable& table, const std::vector<Classification>& rows) {
@@ -104,7 +105,8 @@ ExitStatus run(const ClassifyArguments& arguments) {
 void add_classify_command(CLI::App& app, int& exit_status) {
   CLI::App* verb = app.add_subcommand("classify", "Memberships and verdict of a table of valves");
   auto arguments = std::make_shared<ClassifyArguments>();
-  verb->add_option("TABLE.csv", arguments->table, "Rows with error_low,error_high or error_<level in A>; - is standard input")
+  verb->add_option("TABLE.csv", arguments->table,
+                   "Rows with error_low,error_high or error_<level in A>; - is standard input")
       ->required();
   verb->add_option("--rule-base", arguments->rule_base, "A file, or paper, or calibrated")->capture_default_str();
   verb->add_flag("--json", arguments->json, "Print JSON");

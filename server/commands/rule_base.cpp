@@ -88,14 +88,16 @@ void add_rule_base_command(CLI::App& app, int& exit_status) {
   group->require_subcommand(1);
   CLI::App* verb = group->add_subcommand("learn", "A rule base from a table of valves with a verdict column");
   auto arguments = std::make_shared<LearnArguments>();
-  verb->add_option("TABLE.csv", arguments->table, "error_low,error_high (or error_<level in A>),verdict; - is standard input")
+  verb->add_option("TABLE.csv", arguments->table,
+                   "error_low,error_high (or error_<level in A>),verdict; - is standard input")
       ->required();
   verb->add_option("-o,--output", arguments->output, "Where the rule base goes")->required();
   verb->add_option("--name", arguments->name, "Name of the rule base")->capture_default_str();
   CLI::Option* rate = verb->add_option("--rate-hz", arguments->rate_hz, "Sample rate the errors were computed at")
                           ->check(CLI::PositiveNumber);
-  CLI::Option* duration = verb->add_option("--duration-s", arguments->duration_s, "FeatureWindow the errors were computed on")
-                              ->check(CLI::PositiveNumber);
+  CLI::Option* duration =
+      verb->add_option("--duration-s", arguments->duration_s, "FeatureWindow the errors were computed on")
+          ->check(CLI::PositiveNumber);
   CLI::Option* unit = verb->add_option("--unit", arguments->unit, "Unit of the output")->capture_default_str();
   rate->needs(duration);
   duration->needs(rate);

@@ -9,8 +9,12 @@ namespace {
 
 using Kind = RuleBaseFinding::Kind;
 
-RuleBase paper() { return embedded_rule_base("paper").value(); }
-RuleBase calibrated() { return embedded_rule_base("calibrated").value(); }
+RuleBase paper() {
+  return embedded_rule_base("paper").value();
+}
+RuleBase calibrated() {
+  return embedded_rule_base("calibrated").value();
+}
 
 struct Interval {
   Kind kind;
@@ -30,10 +34,13 @@ void expect_findings(const RuleBase& base, const std::vector<Interval>& expected
   }
 }
 
-TEST(CheckRuleBase, FindsNothingInCalibrated) { EXPECT_TRUE(check_rule_base(calibrated()).empty()); }
+TEST(CheckRuleBase, FindsNothingInCalibrated) {
+  EXPECT_TRUE(check_rule_base(calibrated()).empty());
+}
 
 TEST(CheckRuleBase, SaysExactlyWhereThePaperIsNotMonotoneAndWhereItsPartsDisagree) {
-  // The first two sets cross at 0.65, the last two at 1.55, the middle two at 1.14 (Eq 22); 1.065, 1.535, 0.923 are Eq 23.
+  // The first two sets cross at 0.65, the last two at 1.55, the middle two at 1.14 (Eq 22); 1.065, 1.535, 0.923 are
+  // Eq 23.
   expect_findings(paper(), {{Kind::kMembershipNotMonotone, "low", 0.65, 0.9},
                             {Kind::kConclusionDisagrees, "low", 1.065, 1.14},
                             {Kind::kConclusionDisagrees, "low", 1.535, 1.55},
@@ -79,7 +86,8 @@ TEST(CheckRuleBase, FindsAWorseErrorWithABetterVerdict) {
 TEST(CheckRuleBase, FindsAWorseRiseTimeWithABetterVerdict) {
   RuleBase base = calibrated();
   LevelRules& level = base.levels[0];
-  level.inputs.push_back({Quantity::kRiseTime, {{"fast", left_trapezoid(0.1, 0.2)}, {"slow", right_trapezoid(0.1, 0.2)}}});
+  level.inputs.push_back(
+      {Quantity::kRiseTime, {{"fast", left_trapezoid(0.1, 0.2)}, {"slow", right_trapezoid(0.1, 0.2)}}});
   std::vector<Rule> rules;
   for (const Rule& rule : level.rules) {
     rules.push_back({{rule.sets[0], 0}, Verdict::kSevere});

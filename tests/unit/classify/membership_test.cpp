@@ -43,7 +43,9 @@ TEST(Membership, VerticalEdgesBelongToTheSet) {
   EXPECT_EQ(membership(box, std::nextafter(2.0, 3.0)), 0);
 }
 
-TEST(Membership, OfNotANumberIsZero) { EXPECT_EQ(membership(triangle(0, 1, 2), std::nan("")), 0); }
+TEST(Membership, OfNotANumberIsZero) {
+  EXPECT_EQ(membership(triangle(0, 1, 2), std::nan("")), 0);
+}
 
 TEST(Membership, TrapezoidsAreOrderedAndOpenOnlyByBothCornersOfASide) {
   EXPECT_TRUE(is_trapezoid({0, 1, 2, 3}));
@@ -54,7 +56,8 @@ TEST(Membership, TrapezoidsAreOrderedAndOpenOnlyByBothCornersOfASide) {
   EXPECT_FALSE(is_trapezoid({0, 1, std::nan(""), 3}));
 }
 
-RC_GTEST_PROP(Membership, StaysBetweenZeroAndOne, (int a, unsigned char ab, unsigned char bc, unsigned char cd, int x)) {
+RC_GTEST_PROP(Membership, StaysBetweenZeroAndOne,
+              (int a, unsigned char ab, unsigned char bc, unsigned char cd, int x)) {
   const double start = a % 1000;
   const Trapezoid set{start, start + ab, start + ab + bc, start + ab + bc + cd};
   const double mu = membership(set, (x % 4000) / 3.0);

@@ -8,7 +8,8 @@
 namespace valvetriage::test {
 
 inline LabelledValve labelled(const PaperTableRow& row) {
-  return {row.verdict(), {{.level_a = 1.4, .error_eq20 = row.error_low}, {.level_a = 1.6, .error_eq20 = row.error_high}}};
+  return {row.verdict(),
+          {{.level_a = 1.4, .error_eq20 = row.error_low}, {.level_a = 1.6, .error_eq20 = row.error_high}}};
 }
 
 /// Table I as labelled valves.

@@ -34,7 +34,8 @@ Halves random_halves(std::mt19937& random) {
 TEST(TableOne, HasTenRowsOfEachTypeAndCondition) {
   EXPECT_EQ(kPaperTable.size(), 40u);
   for (const Verdict verdict : kVerdicts) {
-    const auto rows = std::count_if(kPaperTable.begin(), kPaperTable.end(), [&](auto& r) { return r.verdict() == verdict; });
+    const auto rows =
+        std::count_if(kPaperTable.begin(), kPaperTable.end(), [&](auto& r) { return r.verdict() == verdict; });
     EXPECT_EQ(rows, verdict == Verdict::kGood ? 20 : 10);
   }
 }
@@ -80,8 +81,8 @@ TEST(TableOne, PaperHasEveryVerdictRightByEq23ButTwentyOneSoftErrors) {
   const auto result = score(embedded_rule_base("paper").value(), table_one());
   EXPECT_EQ(result.wrong_sets, 0);
   EXPECT_EQ(result.wrong_valves, 0);
-  // All 20 returned errors at High have their largest membership in the second set, which is Good there, and 1.5485 at Low
-  // is severe but falls in the third set.
+  // All 20 returned errors at High have their largest membership in the second set, which is Good there, and 1.5485 at
+  // Low is severe but falls in the third set.
   EXPECT_EQ(result.soft, 21);
 }
 

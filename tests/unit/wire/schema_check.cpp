@@ -22,7 +22,9 @@ const json* fetch(const std::string& uri) {
 
 }  // namespace
 
-std::filesystem::path schema_folder() { return std::filesystem::path(VALVETRIAGE_SOURCE_DIR) / "schemas"; }
+std::filesystem::path schema_folder() {
+  return std::filesystem::path(VALVETRIAGE_SOURCE_DIR) / "schemas";
+}
 
 std::string text_of(const std::filesystem::path& file) {
   std::ifstream stream(file, std::ios::binary);

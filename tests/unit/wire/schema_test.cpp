@@ -87,7 +87,8 @@ RC_GTEST_PROP(Schemas, AcceptEveryReferenceThatIsWritten, ()) {
 }
 
 RC_GTEST_PROP(Schemas, AcceptEveryAnalysisThatIsWritten, ()) {
-  const AnalysisMaking making{.engine_version = "0.1.0", .settings_sha256 = generate::hash(), .timing_s = {{"total", 1}}};
+  const AnalysisMaking making{
+      .engine_version = "0.1.0", .settings_sha256 = generate::hash(), .timing_s = {{"total", 1}}};
   RC_ASSERT(schema_violations("analysis", dump_json(to_json(generate::analysis(), making))) == "");
 }
 

@@ -1,0 +1,345 @@
+#include "core/recording/quality.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <vector>
+
+#include "core/recording/segments.h"
+
+namespace valvetriage {
+namespace {
+
+constexpr double kCoarseSigmas = 2;      ///< a level step over the noise: its rounding error is then 0.6 of it
+constexpr double kCoarseOfRange = 1e-3;  ///< and over the range: ten bits
+constexpr std::size_t kLevelVisits = 5;  ///< samples that make a value a level
+constexpr std::size_t kFewestLevelSteps = 3;
+constexpr double kEqualSteps = 0.2;  ///< relative difference of steps that count as equal
+
+constexpr double kRunChance = 1e-9;  ///< of a run of equal values by the output's own repeats
+constexpr std::size_t kFewestClipped = 8;
+constexpr std::size_t kFewestStuck = 20;
+constexpr double kNoiselessRepeats = 0.8;  ///< share of repeats above which a run says nothing by itself
+constexpr double kInputTravel = 0.05;      ///< of the input's range, while the output stays
+constexpr double kTravelRatio = 4;         ///< and over what the other levels of a coarse output see
+
+constexpr double kOutlierSigmas = 10;  ///< 8 deviations of a second difference: 2e-16 a sample in white noise
+constexpr double kOutlierOfRange = 0.03;
+constexpr double kOutlierOverMovement = 4;
+constexpr double kOutlierOverStep = 1.5;  ///< a flicker between two levels is no outlier
+constexpr double kRepairableShare = 0.01;
+
+constexpr double kFeedbackR2 = 0.75;
+constexpr double kDrawnR2 = 0.9;  ///< of the input's increments from their own past: a drawn signal
+
+struct Extremes {
+  double low = 0;
+  double high = 0;
+  double range() const { return high - low; }
+};
+
+Extremes extremes_of(const std::vector<double>& values) {
+  const auto [low, high] = std::ranges::minmax(values);
+  return {low, high};
+}
+
+double time_at(const Recording& recording, std::size_t i) {
+  return recording.start_s + static_cast<double>(i) * recording.sample_period_s;
+}
+
+std::string quantity(double value, const std::string& unit) {
+  return unit.empty() ? fmt::format("{:.6g}", value) : fmt::format("{:.6g} {}", value, unit);
+}
+
+// ---- quantised ----------------------------------------------------------------------------------------------------
+
+struct Level {
+  double value = 0;
+  std::size_t samples = 0;
+};
+
+std::vector<Level> levels_of(std::vector<double> values) {
+  std::ranges::sort(values);
+  std::vector<Level> levels;
+  for (const double value : values) {
+    if (levels.empty() || levels.back().value != value) levels.push_back({value, 0});
+    ++levels.back().samples;
+  }
+  return levels;
+}
+
+/// Indices k where levels k and k + 1 are neighbours in a coarse scale.
+std::vector<std::size_t> coarse_steps(const std::vector<Level>& levels, double least) {
+  std::vector<std::size_t> steps;
+  std::vector<double> sizes;
+  for (std::size_t k = 0; k + 1 < levels.size(); ++k) {
+    const double size = levels[k + 1].value - levels[k].value;
+    if (size < least || levels[k].samples < kLevelVisits || levels[k + 1].samples < kLevelVisits) continue;
+    steps.push_back(k);
+    sizes.push_back(size);
+  }
+  if (steps.empty()) return steps;
+  const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
+  std::ranges::nth_element(sizes, middle);
+  const double typical = *middle;
+  std::erase_if(steps, [&](std::size_t k) {
+    return std::abs(levels[k + 1].value - levels[k].value - typical) > kEqualSteps * typical;
+  });
+  return steps;
+}
+
+/// The largest coarse step; 0 where the output is fine.
+double judge_quantisation(Recording& recording, const Extremes& extremes, double sigma) {
+  const Channel& output = recording.output;
+  const std::vector<Level> levels = levels_of(output.values);
+  const std::vector<std::size_t> steps =
+      coarse_steps(levels, std::max(kCoarseSigmas * sigma, kCoarseOfRange * extremes.range()));
+  if (steps.size() < kFewestLevelSteps) return 0;
+
+  double largest = 0;
+  std::size_t samples = 0;
+  std::string where;
+  for (std::size_t at = 0; at < steps.size();) {
+    std::size_t last = at;
+    while (last + 1 < steps.size() && steps[last + 1] == steps[last] + 1) ++last;
+    for (std::size_t k = steps[at]; k <= steps[last] + 1; ++k) samples += levels[k].samples;
+    for (std::size_t k = steps[at]; k <= steps[last]; ++k) {
+      largest = std::max(largest, levels[k + 1].value - levels[k].value);
+    }
+    where += fmt::format("{}from {:.6g} to {}", where.empty() ? "" : " and ", levels[steps[at]].value,
+                         quantity(levels[steps[last] + 1].value, output.unit));
+    at = last + 1;
+  }
+  const double step = levels[steps[steps.size() / 2] + 1].value - levels[steps[steps.size() / 2]].value;
+  if (where.size() > 200)
+    where = fmt::format("in parts of {:.6g} to {}", extremes.low, quantity(extremes.high, output.unit));
+  recording.quality.push_back(
+      {.code = "quantised",
+       .detail = fmt::format("{} comes in steps of {} {}", output.quantity, quantity(step, output.unit), where),
+       .count = samples});
+  return largest;
+}
+
+// ---- clipped, stuck -----------------------------------------------------------------------------------------------
+
+struct Run {
+  std::size_t begin = 0;
+  std::size_t end = 0;
+  std::size_t size() const { return end - begin; }
+};
+
+std::vector<Run> runs_of(const std::vector<double>& values) {
+  std::vector<Run> runs;
+  for (std::size_t i = 0; i < values.size();) {
+    std::size_t end = i + 1;
+    while (end < values.size() && values[end] == values[i]) ++end;
+    runs.push_back({i, end});
+    i = end;
+  }
+  return runs;
+}
+
+/// Runs of equal values by the output's own habit: how often neighbours are equal, and how far the input goes
+/// meanwhile.
+struct Repeats {
+  double share = 0;           ///< of neighbours that are equal, in runs too short to be judged
+  double longest = 0;         ///< samples; a run above it is not chance
+  double typical_travel = 0;  ///< of the input during a run of two samples or more
+};
+
+double travel_of(const std::vector<double>& input, Run run) {
+  const auto [low, high] = std::ranges::minmax(std::span(input).subspan(run.begin, run.size()));
+  return high - low;
+}
+
+Repeats repeats_of(const std::vector<Run>& runs, const std::vector<double>& input) {
+  std::size_t equal = 0, pairs = 1;
+  std::vector<double> travels{0};
+  for (const Run& run : runs) {
+    if (run.size() > 1) travels.push_back(travel_of(input, run));
+    if (run.size() >= kFewestStuck) continue;
+    equal += run.size() - 1;
+    pairs += run.size();
+  }
+  Repeats repeats;
+  const double share = static_cast<double>(equal) / static_cast<double>(pairs);
+  repeats.share = equal == 0 && runs.size() < 2 * kFewestStuck ? 1.0 : std::max(share, 0.01);
+  repeats.longest =
+      1 + std::log(kRunChance / static_cast<double>(input.size())) / std::log(std::min(repeats.share, 0.999));
+  const auto middle = travels.begin() + static_cast<std::ptrdiff_t>(travels.size() / 2);
+  std::ranges::nth_element(travels, middle);
+  repeats.typical_travel = *middle;
+  return repeats;
+}
+
+/// A coarse output repeats its values: there only what the input does tells a limit, and nothing tells a stuck sensor.
+void judge_runs(Recording& recording, const Extremes& extremes, bool is_coarse) {
+  const std::vector<double>& output = recording.output.values;
+  const std::vector<Run> runs = runs_of(output);
+  const Repeats repeats = repeats_of(runs, recording.input.values);
+  const bool noisy = !is_coarse && repeats.share < kNoiselessRepeats;
+  const double far =
+      std::max(kInputTravel * extremes_of(recording.input.values).range(), kTravelRatio * repeats.typical_travel);
+
+  struct Found {
+    std::size_t samples = 0, visits = 0, first = 0;
+    void add(const Run& run) {
+      if (visits++ == 0) first = run.begin;
+      samples += run.size();
+    }
+  } at_low, at_high, stuck;
+  for (const Run& run : runs) {
+    const double level = output[run.begin];
+    const bool improbable = noisy && static_cast<double>(run.size()) > repeats.longest;
+    if (level == extremes.low || level == extremes.high) {
+      const bool held = run.size() >= kFewestClipped && (improbable || travel_of(recording.input.values, run) > far);
+      if (held) (level == extremes.low ? at_low : at_high).add(run);
+    } else if (run.size() >= kFewestStuck && improbable) {
+      stuck.add(run);
+    }
+  }
+
+  std::string where;
+  for (const auto& [found, level] : {std::pair(at_low, extremes.low), std::pair(at_high, extremes.high)}) {
+    if (found.visits == 0) continue;
+    where += fmt::format("{}exactly {} on {} visit{}, the first after {:.6g} s", where.empty() ? "" : " and ",
+                         quantity(level, recording.output.unit), found.visits, found.visits == 1 ? "" : "s",
+                         time_at(recording, found.first));
+  }
+  if (!where.empty()) {
+    recording.quality.push_back({.code = "clipped",
+                                 .detail = fmt::format("{} held at {}", recording.output.quantity, where),
+                                 .count = at_low.samples + at_high.samples});
+  }
+  if (stuck.visits > 0) {
+    recording.quality.push_back(
+        {.code = "stuck",
+         .detail = fmt::format("{} does not change at all in {} stretch{}, the first after {:.6g} s",
+                               recording.output.quantity, stuck.visits, stuck.visits == 1 ? "" : "es",
+                               time_at(recording, stuck.first)),
+         .count = stuck.samples});
+  }
+}
+
+// ---- outliers -----------------------------------------------------------------------------------------------------
+
+/// Whether `width` samples from `i` on stand off both neighbours by more than `least`, which stand together.
+bool is_spike(const std::vector<double>& y, std::size_t i, std::size_t width, double least) {
+  const double before = y[i - 1], after = y[i + width];
+  const double movement =
+      std::max({std::abs(after - before), std::abs(before - y[i - 2]), std::abs(y[i + width + 1] - after)});
+  const double base = 0.5 * (before + after);
+  const double threshold = std::max(least, kOutlierOverMovement * movement);
+  const bool up = y[i] > base;
+  for (std::size_t k = i; k < i + width; ++k) {
+    if (std::abs(y[k] - base) <= threshold || (y[k] > base) != up) return false;
+  }
+  return true;
+}
+
+void judge_outliers(Recording& recording, const Extremes& extremes, double sigma, double level_step) {
+  std::vector<double>& y = recording.output.values;
+  const double least =
+      std::max({kOutlierSigmas * sigma, kOutlierOfRange * extremes.range(), kOutlierOverStep * level_step});
+  std::vector<Run> spikes;
+  std::size_t samples = 0;
+  for (std::size_t i = 2; i + 3 < y.size(); ++i) {
+    for (const std::size_t width : {std::size_t{1}, std::size_t{2}}) {
+      if (!is_spike(y, i, width, least)) continue;
+      spikes.push_back({i, i + width});
+      samples += width;
+      i += width;
+      break;
+    }
+  }
+  if (spikes.empty()) return;
+
+  const bool repaired = static_cast<double>(samples) <= kRepairableShare * static_cast<double>(y.size());
+  if (repaired) {
+    if (recording.valid.empty()) recording.valid.assign(y.size(), 1);
+    for (const Run& spike : spikes) {
+      for (std::size_t k = spike.begin; k < spike.end; ++k) {
+        y[k] = 0.5 * (y[spike.begin - 1] + y[spike.end]);
+        recording.valid[k] = 0;
+      }
+    }
+  }
+  recording.quality.push_back(
+      {.code = "outliers",
+       .detail = fmt::format("{} single samples of {} far off their neighbours, the first after "
+                             "{:.6g} s; {}",
+                             samples, recording.output.quantity, time_at(recording, spikes.front().begin),
+                             repaired ? "left out" : "too many to leave out"),
+       .count = samples});
+}
+
+// ---- feedback -----------------------------------------------------------------------------------------------------
+
+constexpr int kRegressors = 5;  // present and two past outputs, then two past increments of the input
+using Gram = Eigen::Matrix<double, kRegressors + 1, kRegressors + 1>;
+
+/// Share of the last variable's variance that the `count` variables from `first` on explain.
+double explained(const Gram& gram, int first, int count) {
+  const double total = gram(kRegressors, kRegressors);
+  if (total <= 0) return 0;
+  Eigen::MatrixXd normal = gram.block(first, first, count, count);
+  const Eigen::VectorXd right = gram.block(first, kRegressors, count, 1);
+  normal.diagonal() *= 1 + 1e-10;
+  const Eigen::VectorXd weights = normal.ldlt().solve(right);
+  const double share = right.dot(weights) / total;
+  return std::isfinite(share) ? share : 0;
+}
+
+/// Covariances of the regressors and the input's increment, the increments at step edges left out: those are commands.
+Gram covariances_of(const Recording& recording) {
+  const std::vector<double>& u = recording.input.values;
+  const std::vector<double>& y = recording.output.values;
+  std::vector<std::uint8_t> commanded(u.size(), 0);
+  for (const Segment& segment : recording.segments) {
+    if (segment.kind != SegmentKind::kStep) continue;
+    const std::size_t from = segment.begin - std::min<std::size_t>(segment.begin, 3);
+    for (std::size_t i = from; i < std::min(segment.begin + 6, u.size()); ++i) commanded[i] = 1;
+  }
+  const double level = y.front();
+  Gram sums = Gram::Zero();
+  Eigen::Matrix<double, kRegressors + 1, 1> total = Eigen::Matrix<double, kRegressors + 1, 1>::Zero(), row;
+  double rows = 0;
+  for (std::size_t i = 3; i < u.size(); ++i) {
+    if (commanded[i] != 0 || !recording.is_valid(i)) continue;
+    row << y[i] - level, y[i - 1] - level, y[i - 2] - level, u[i - 1] - u[i - 2], u[i - 2] - u[i - 3], u[i] - u[i - 1];
+    sums.noalias() += row * row.transpose();
+    total += row;
+    rows += 1;
+  }
+  if (rows == 0) return sums;
+  return sums - total * total.transpose() / rows;
+}
+
+void judge_feedback(Recording& recording) {
+  const Gram gram = covariances_of(recording);
+  const double by_output = explained(gram, 0, 3);
+  const double by_itself = explained(gram, 3, 2);
+  if (by_output <= kFeedbackR2 || by_itself >= kDrawnR2) return;
+  recording.quality.push_back(
+      {.code = "feedback",
+       .detail = fmt::format("{:.0f} % of the changes of {} follow from {}: the record shows a "
+                             "controller rather than the plant",
+                             100 * by_output, recording.input.quantity, recording.output.quantity),
+       .count = recording.samples()});
+}
+
+}  // namespace
+
+void judge_quality(Recording& recording) {
+  const Extremes extremes = extremes_of(recording.output.values);
+  const double sigma = noise_of(recording.output.values);
+  const double level_step = judge_quantisation(recording, extremes, sigma);
+  judge_runs(recording, extremes, level_step > 0);
+  judge_feedback(recording);
+  judge_outliers(recording, extremes, sigma, level_step);
+}
+
+}  // namespace valvetriage

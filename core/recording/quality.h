@@ -1,0 +1,28 @@
+#pragma once
+
+#include "core/recording/recording.h"
+
+namespace valvetriage {
+
+/// Judges the samples of a prepared recording and adds what a reader must know to `quality`:
+///
+/// quantised  at least three levels of the output, each taken five times or more, that lie equally far apart, coarser
+///            than two standard deviations of its noise and a thousandth of its range; possibly in part of the range
+/// clipped    the output stays exactly at its greatest or least value longer than its own repeats elsewhere explain
+///            (chance below 1e-9), or while the input goes on. Removes nothing: it may be the valve's own limit
+/// stuck      the output stays exactly at any other value that long: a frozen sensor or logger.
+///            Not judged where it is quantised
+/// outliers   one or two samples far off both neighbours (10 standard deviations, 3 % of the range, 4 times the
+/// movement
+///            around them), never the edge of a step. Replaced by the mean of the neighbours and marked not valid, as
+///            long as they are at most one sample in a hundred
+/// feedback   the input follows the output: the increment of the input regressed on the present and two past outputs
+/// has
+///            R² > 0.75 (LESSONS 30 of the design), and is not foreseen from its own past (R² < 0.9) as a drawn signal
+///            is
+///
+/// recording  with grid, channels and segments
+/// Cost       O(n log n)
+void judge_quality(Recording& recording);
+
+}  // namespace valvetriage
