@@ -22,8 +22,12 @@ Error bad_plan(const std::string& field, const std::string& message) {
   return error;
 }
 
-bool is_wave(PlannedTest test) { return test == PlannedTest::kSweep || test == PlannedTest::kMultisine; }
-bool has_holds(PlannedTest test) { return test == PlannedTest::kStep || test == PlannedTest::kStaircase; }
+bool is_wave(PlannedTest test) {
+  return test == PlannedTest::kSweep || test == PlannedTest::kMultisine;
+}
+bool has_holds(PlannedTest test) {
+  return test == PlannedTest::kStep || test == PlannedTest::kStaircase;
+}
 
 std::optional<Error> wrong_with(const TestPlan& plan) {
   if (!(plan.sample_rate_hz > 0)) return bad_plan("sample_rate_hz", "the sample rate must be positive");
@@ -38,8 +42,8 @@ std::optional<Error> wrong_with(const TestPlan& plan) {
     return bad_plan("from_hz", "the frequencies must be positive and rise");
   }
   if (plan.to_hz * kSamplesPerCycle > plan.sample_rate_hz) {
-    return bad_plan("to_hz", fmt::format("{} Hz needs a sample rate of at least {} Hz", plan.to_hz,
-                                         plan.to_hz * kSamplesPerCycle));
+    return bad_plan(
+        "to_hz", fmt::format("{} Hz needs a sample rate of at least {} Hz", plan.to_hz, plan.to_hz * kSamplesPerCycle));
   }
   return std::nullopt;
 }
@@ -122,7 +126,9 @@ double planned_samples(const TestPlan& plan) {
 
 }  // namespace
 
-StaticMap paper_steady_map() { return {.input = {1.2, 1.4, 1.6, 1.8, 2.0}, .output = {3.1, 26, 120, 160, 210}}; }
+StaticMap paper_steady_map() {
+  return {.input = {1.2, 1.4, 1.6, 1.8, 2.0}, .output = {3.1, 26, 120, 160, 210}};
+}
 
 Result<std::vector<double>> plan_current(const TestPlan& plan, const StaticMap& steady_map) {
   if (auto error = wrong_with(plan)) return tl::unexpected(*error);
@@ -141,11 +147,21 @@ Result<std::vector<double>> plan_current(const TestPlan& plan, const StaticMap& 
   const auto [low, high] = std::minmax_element(levels_a.begin(), levels_a.end());
   Current current;
   switch (plan.test) {
-    case PlannedTest::kStep: current = steps(levels_a, plan, steady_map.input.front()); break;
-    case PlannedTest::kStaircase: current = staircase(levels_a, plan); break;
-    case PlannedTest::kTriangle: current = triangle(*low, *high, plan); break;
-    case PlannedTest::kSweep: current = sweep(*low, *high, plan); break;
-    case PlannedTest::kMultisine: current = multisine(*low, *high, plan); break;
+    case PlannedTest::kStep:
+      current = steps(levels_a, plan, steady_map.input.front());
+      break;
+    case PlannedTest::kStaircase:
+      current = staircase(levels_a, plan);
+      break;
+    case PlannedTest::kTriangle:
+      current = triangle(*low, *high, plan);
+      break;
+    case PlannedTest::kSweep:
+      current = sweep(*low, *high, plan);
+      break;
+    case PlannedTest::kMultisine:
+      current = multisine(*low, *high, plan);
+      break;
   }
   if (plan.test == PlannedTest::kStep && current.size() == samples_in(plan.hold_s, plan)) {
     return tl::unexpected(bad_plan("levels_psi", "the only level is the level of rest: there is no step"));

@@ -19,16 +19,17 @@ enum class PlannedTest : std::uint8_t { kStep, kStaircase, kTriangle, kSweep, kM
 /// kTriangle   a constant rate from the lowest to the highest level and back, `duration_s` for both ways together
 /// kSweep      one sine between the lowest and the highest level, its frequency rising exponentially
 /// kMultisine  odd multiples of 1 / period with random phases, every fourth of them left out (lines that a linear valve
-///             leaves empty), scaled to the range between the lowest and the highest level; the period is duration_s / 2
+///             leaves empty), scaled to the range between the lowest and the highest level; the period is duration_s /
+///             2
 struct TestPlan {
   PlannedTest test = PlannedTest::kStep;
   std::vector<double> levels_psi;
   double sample_rate_hz = 200;
-  double hold_s = 4;           ///< kStep, kStaircase: time at each level
-  double duration_s = 60;      ///< kTriangle, kSweep, kMultisine
-  double from_hz = 0.1;        ///< kSweep, kMultisine
-  double to_hz = 20;           ///< kSweep, kMultisine; at most a fifth of the sample rate
-  std::uint64_t seed = 1;      ///< kMultisine: the phases
+  double hold_s = 4;       ///< kStep, kStaircase: time at each level
+  double duration_s = 60;  ///< kTriangle, kSweep, kMultisine
+  double from_hz = 0.1;    ///< kSweep, kMultisine
+  double to_hz = 20;       ///< kSweep, kMultisine; at most a fifth of the sample rate
+  std::uint64_t seed = 1;  ///< kMultisine: the phases
 };
 
 /// The current of a plan, one value per sample from time 0 [A].

@@ -14,4 +14,9 @@ void print_error(const Error& error) {
   }
 }
 
+ExitStatus ended_by(const Error& error) {
+  print_error(error);
+  return error.code == "cannot_write" || error.code == "internal" ? kFailure : kBadInput;
+}
+
 }  // namespace valvetriage

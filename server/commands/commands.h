@@ -12,7 +12,7 @@ enum ExitStatus : int { kDone = 0, kFailure = 1, kBadInput = 2, kVerdictNotGood 
 /// Each verb is one file and adds itself to the application. When the verb was called, its callback runs it and sets
 /// `exit_status`. Results go to standard output, messages to standard error, progress to a terminal only.
 /// The list in main.cpp is the list of verbs.
-#define VALVETRIAGE_COMMANDS(X) X(classify) X(paper) X(rule_base)
+#define VALVETRIAGE_COMMANDS(X) X(classify) X(export) X(paper) X(plan) X(reference) X(rule_base) X(simulate)
 
 #define X(verb) void add_##verb##_command(CLI::App& app, int& exit_status);
 VALVETRIAGE_COMMANDS(X)
@@ -20,5 +20,9 @@ VALVETRIAGE_COMMANDS(X)
 
 /// Prints an error the way every verb does: "valvetriage: FILE: message" on standard error.
 void print_error(const Error& error);
+
+/// Prints the error and gives the exit status it ends a verb with: kFailure where the machine failed (`cannot_write`,
+/// `internal`), kBadInput where the input or the call was wrong.
+ExitStatus ended_by(const Error& error);
 
 }  // namespace valvetriage

@@ -1,0 +1,89 @@
+#include <fmt/format.h>
+
+#include <map>
+#include <memory>
+
+#include "core/analysis/test_plan.h"
+#include "server/commands/commands.h"
+#include "server/commands/documents.h"
+
+namespace valvetriage {
+namespace {
+
+const std::map<std::string, PlannedTest> kTests{{"step", PlannedTest::kStep},
+                                                {"staircase", PlannedTest::kStaircase},
+                                                {"triangle", PlannedTest::kTriangle},
+                                                {"sweep", PlannedTest::kSweep},
+                                                {"multisine", PlannedTest::kMultisine}};
+
+struct PlanArguments {
+  TestPlan plan;
+  std::string test = "step";
+  std::string reference;
+  std::string output;
+};
+
+/// All levels of the map for steps and a staircase, its two ends for everything that runs between levels.
+std::vector<double> default_levels(PlannedTest test, const StaticMap& map) {
+  const bool holds = test == PlannedTest::kStep || test == PlannedTest::kStaircase;
+  const StaticMap levels = map.output.size() <= 12 ? map : paper_steady_map();
+  if (holds) return levels.output;
+  return {levels.output.front(), levels.output.back()};
+}
+
+Result<StaticMap> steady_map(const std::string& reference_file) {
+  if (reference_file.empty()) return paper_steady_map();
+  auto reference = open_reference(reference_file);
+  if (!reference) return tl::unexpected(reference.error());
+  if (!reference->model.map) return fail("not_a_reference", "the reference's model has no steady map");
+  return *reference->model.map;
+}
+
+std::string rows_of(const std::vector<double>& current_a, double sample_rate_hz) {
+  fmt::memory_buffer text;
+  const auto out = fmt::appender(text);
+  fmt::format_to(out, "time_s,current_A\n");
+  for (std::size_t i = 0; i < current_a.size(); ++i) {
+    fmt::format_to(out, "{:.15g},{:.9g}\n", static_cast<double>(i) / sample_rate_hz, current_a[i]);
+  }
+  return fmt::to_string(text);
+}
+
+ExitStatus run(const PlanArguments& arguments) {
+  const auto map = steady_map(arguments.reference);
+  if (!map) return ended_by(map.error());
+  TestPlan plan = arguments.plan;
+  plan.test = kTests.at(arguments.test);
+  if (plan.levels_psi.empty()) plan.levels_psi = default_levels(plan.test, *map);
+  const auto current = plan_current(plan, *map);
+  if (!current) return ended_by(current.error());
+  const auto written = write_output(arguments.output, rows_of(*current, plan.sample_rate_hz));
+  return written ? kDone : ended_by(written.error());
+}
+
+}  // namespace
+
+void add_plan_command(CLI::App& app, int& exit_status) {
+  CLI::App* verb =
+      app.add_subcommand("plan", "The current to play on the stand, from pressures through the steady map");
+  auto arguments = std::make_shared<PlanArguments>();
+  TestPlan& plan = arguments->plan;
+  verb->add_option("--levels-psi", plan.levels_psi, "Steady pressures, comma separated; all of the map when not said")
+      ->delimiter(',');
+  verb->add_option("--test", arguments->test, "step, staircase, triangle, sweep or multisine")
+      ->check(CLI::IsMember(kTests))
+      ->capture_default_str();
+  verb->add_option("--reference", arguments->reference,
+                   "Reference whose steady map is used; the paper's when not said");
+  verb->add_option("--rate-hz", plan.sample_rate_hz, "Sampling rate of the current")->capture_default_str();
+  verb->add_option("--hold-s", plan.hold_s, "Time at each level of steps and a staircase")->capture_default_str();
+  verb->add_option("--duration-s", plan.duration_s, "Duration of a triangle, sweep or multisine")
+      ->capture_default_str();
+  verb->add_option("--from-hz", plan.from_hz, "Lowest frequency of a sweep or multisine")->capture_default_str();
+  verb->add_option("--to-hz", plan.to_hz, "Highest frequency of a sweep or multisine")->capture_default_str();
+  verb->add_option("--seed", plan.seed, "Phases of a multisine")->capture_default_str();
+  verb->add_option("-o,--output", arguments->output, "CSV to write; standard output when not said");
+  verb->callback([arguments, &exit_status] { exit_status = run(*arguments); });
+}
+
+}  // namespace valvetriage

@@ -1,0 +1,158 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <map>
+#include <memory>
+
+#include "core/analysis/learn_reference.h"
+#include "server/commands/commands.h"
+#include "server/commands/documents.h"
+#include "server/commands/recording_options.h"
+#include "server/wire/reference_json.h"
+
+namespace valvetriage {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct LearnArguments {
+  std::vector<std::string> paths;
+  std::string output;
+  RecordingOptions recording;
+};
+
+/// Files of one valve, and what to call it where no file says its serial.
+struct ValveFiles {
+  std::string name;
+  std::vector<std::string> files;
+};
+
+/// Entries in the order of their names, hidden ones left out; none where the folder cannot be read.
+std::vector<fs::path> entries_of(const fs::path& folder) {
+  std::vector<fs::path> entries;
+  std::error_code unreadable;
+  for (const auto& entry : fs::directory_iterator(folder, unreadable)) {
+    if (!entry.path().filename().string().starts_with('.')) entries.push_back(entry.path());
+  }
+  std::sort(entries.begin(), entries.end());
+  return entries;
+}
+
+bool is_recording_name(const fs::path& file) {
+  static constexpr std::string_view kEndings[] = {".csv", ".json", ".mat", ".gz", ".zst"};
+  const std::string name = file.filename().string();
+  return std::any_of(std::begin(kEndings), std::end(kEndings), [&](auto ending) { return name.ends_with(ending); });
+}
+
+/// A folder of recordings is one valve, a folder of folders several.
+void add_folder(const fs::path& folder, std::vector<ValveFiles>& valves) {
+  ValveFiles valve{.name = folder.filename().string(), .files = {}};
+  std::vector<fs::path> folders;
+  for (const fs::path& entry : entries_of(folder)) {
+    if (fs::is_directory(entry)) {
+      folders.push_back(entry);
+    } else if (is_recording_name(entry)) {
+      valve.files.push_back(entry.string());
+    }
+  }
+  if (!folders.empty()) {
+    for (const fs::path& inner : folders) add_folder(inner, valves);
+  } else if (!valve.files.empty()) {
+    valves.push_back(std::move(valve));
+  }
+}
+
+ValveRecordings read_into(ValveRecordings valve, std::vector<ReadRecording> recordings) {
+  for (ReadRecording& read : recordings) {
+    if (read.recording.metadata.serial) valve.serial = *read.recording.metadata.serial;
+    valve.recordings.push_back(std::move(read.recording));
+  }
+  return valve;
+}
+
+/// Plain files: one valve for each serial that they name.
+Result<std::vector<ValveRecordings>> read_by_serial(const std::vector<std::string>& files, const ReadOptions& options) {
+  std::map<std::string, ValveRecordings> by_serial;
+  for (const std::string& file : files) {
+    auto read = read_recording_file(file, options);
+    if (!read) return tl::unexpected(read.error());
+    const auto& serial = read->recording.metadata.serial;
+    if (!serial) {
+      Error error{.code = "no_serial",
+                  .message =
+                      "no '# serial:' line; plain files are grouped by serial, put the files of "
+                      "one valve into one folder otherwise"};
+      error.file = file;
+      return tl::unexpected(error);
+    }
+    ValveRecordings& valve = by_serial[*serial];
+    valve.serial = *serial;
+    valve.recordings.push_back(std::move(read->recording));
+  }
+  std::vector<ValveRecordings> valves;
+  for (auto& [serial, valve] : by_serial) valves.push_back(std::move(valve));
+  return valves;
+}
+
+Result<std::vector<ValveRecordings>> read_valves(const std::vector<std::string>& paths, const ReadOptions& options) {
+  std::vector<std::string> plain_files;
+  std::vector<ValveFiles> folders;
+  for (const std::string& path : paths) {
+    if (fs::is_directory(path)) {
+      add_folder(path, folders);
+    } else {
+      plain_files.push_back(path);
+    }
+  }
+  auto valves = read_by_serial(plain_files, options);
+  if (!valves) return valves;
+  for (const ValveFiles& folder : folders) {
+    auto read = read_recordings(folder.files, options);
+    if (!read) return tl::unexpected(read.error());
+    valves->push_back(read_into({.serial = folder.name, .recordings = {}}, std::move(*read)));
+  }
+  return valves;
+}
+
+void tell(const Reference& reference, const std::string& file) {
+  fmt::print(stderr, "{}: {} good valves of {}, noise {:.3g} psi, {} levels\n", file, reference.valves,
+             reference.valve_type, reference.noise_floor, reference.levels.size());
+  for (const ReferenceMember& member : reference.members) {
+    if (member.used) continue;
+    fmt::print(stderr, "valve {} is unlike the others ({:.1f} standard deviations) and was left out\n", member.serial,
+               member.distance);
+  }
+}
+
+ExitStatus run_learn(const LearnArguments& arguments) {
+  const auto options = read_options(arguments.recording);
+  if (!options) return ended_by(options.error());
+  const auto valves = read_valves(arguments.paths, *options);
+  if (!valves) return ended_by(valves.error());
+  const auto reference = learn_reference(*valves, *arguments.recording.valve_type);
+  if (!reference) return ended_by(reference.error());
+  const auto written = write_output(arguments.output, dump_json(to_json(*reference), true) + "\n");
+  if (!written) return ended_by(written.error());
+  tell(*reference, arguments.output);
+  return kDone;
+}
+
+}  // namespace
+
+void add_reference_command(CLI::App& app, int& exit_status) {
+  CLI::App* group = app.add_subcommand("reference", "References: learn what good valves of one type have in common");
+  group->require_subcommand(1);
+  CLI::App* verb = group->add_subcommand("learn", "A reference from the recordings of at least 3 good valves");
+  auto arguments = std::make_shared<LearnArguments>();
+  verb->add_option("DIR|FILE", arguments->paths,
+                   "A folder of recordings is one valve, a folder of folders several; plain files group by serial")
+      ->required()
+      ->check(CLI::ExistingPath);
+  verb->add_option("--valve-type", arguments->recording.valve_type, "Type of the valves")->required();
+  verb->add_option("-o,--output", arguments->output, "Where the reference goes")->required();
+  add_column_options(*verb, arguments->recording);
+  verb->callback([arguments, &exit_status] { exit_status = run_learn(*arguments); });
+}
+
+}  // namespace valvetriage
