@@ -95,7 +95,7 @@ Result<Recording> prepare(RawRecording raw, const ColumnMapping& mapping) {
   auto recording = to_uniform_time(std::move(raw), mapping.sample_rate_hz);
   if (!recording) return recording;
   recording->segments = find_segments(recording->input.values, recording->sample_period_s);
-  judge_quality(*recording);
+  if (!recording->output.values.empty()) judge_quality(*recording);
   if (auto test = take_test(*recording); !test) return tl::unexpected(test.error());
   return recording;
 }
