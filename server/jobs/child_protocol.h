@@ -76,8 +76,7 @@ struct ChildMessage {
 Result<ChildMessage> child_message_from(std::string_view line);
 
 /// The child's whole life: reads the spec from standard input, runs `analyse`, writes its lines. The exit status: 0
-/// when an answer was given, whatever it was. Takes away the process's right to gain privileges, and its network where
-/// the kernel lets it.
+/// when an answer was given, whatever it was.
 int run_child(const AnalyseJob& analyse);
 
 }  // namespace valvetriage

@@ -48,7 +48,7 @@ Error damaged(std::string_view sha256) {
 }  // namespace
 
 struct BlobWriter::State {
-  std::string data_dir;
+  BlobStore& store;
   FileSystem& files;
   std::string path;
   int fd;
@@ -80,13 +80,14 @@ Result<void> BlobWriter::write(std::string_view bytes) {
 Result<StoredBlob> BlobWriter::commit() {
   FileSystem& files = state_->files;
   const std::string sha256 = state_->hash.hex();
-  const std::string shard = shard_of(state_->data_dir, sha256);
+  const std::string stored = state_->store.path_of(sha256);
   return files.set_mode(state_->fd, kStoredMode)
       .and_then([&] { return files.sync(state_->fd); })
-      .and_then([&] { return files.rename(state_->path, fmt::format("{}/{}", shard, sha256)); })
+      .and_then([&] { return state_->store.ensure_shard(sha256); })
+      .and_then([&] { return files.rename(state_->path, stored); })
       .and_then([&] {
         state_->renamed = true;
-        return files.sync_directory(shard);
+        return files.sync_directory(stored.substr(0, stored.rfind('/')));
       })
       .map([&] { return StoredBlob(sha256, state_->size); });
 }
@@ -99,14 +100,7 @@ Result<std::unique_ptr<BlobStore>> BlobStore::open(const std::string& data_dir, 
   for (const std::string& folder : {incoming_of(data_dir), blobs_of(data_dir)}) {
     if (const auto made = files.make_directory(folder); !made) return tl::unexpected(made.error());
   }
-  // All shards from the start: no upload has to make one durable on its way.
-  for (int shard = 0; shard < 256; ++shard) {
-    const auto made = files.make_directory(fmt::format("{}/{:02x}", blobs_of(data_dir), shard));
-    if (!made) return tl::unexpected(made.error());
-  }
-  for (const std::string& folder : {blobs_of(data_dir), data_dir}) {
-    if (const auto synced = files.sync_directory(folder); !synced) return tl::unexpected(synced.error());
-  }
+  if (const auto synced = files.sync_directory(data_dir); !synced) return tl::unexpected(synced.error());
   return std::unique_ptr<BlobStore>(new BlobStore(data_dir, files, clock));
 }
 
@@ -114,7 +108,19 @@ Result<BlobWriter> BlobStore::begin(std::int64_t max_bytes) {
   const std::string path = fmt::format("{}/{}", incoming_of(data_dir_), random_name());
   const auto fd = files_.create(path);
   if (!fd) return tl::unexpected(fd.error());
-  return BlobWriter(std::unique_ptr<BlobWriter::State>(new BlobWriter::State{data_dir_, files_, path, *fd, max_bytes}));
+  return BlobWriter(std::unique_ptr<BlobWriter::State>(new BlobWriter::State{*this, files_, path, *fd, max_bytes}));
+}
+
+/// The first time in this process the shard's own name is synced even where the folder was there: an earlier server may
+/// have died between making and syncing it.
+Result<void> BlobStore::ensure_shard(std::string_view sha256) {
+  std::atomic<bool>& durable =
+      shard_is_durable_[static_cast<std::size_t>(std::stoi(std::string(sha256.substr(0, 2)), nullptr, 16))];
+  if (durable) return {};
+  if (const auto made = files_.make_directory(shard_of(data_dir_, sha256)); !made) return tl::unexpected(made.error());
+  if (auto synced = files_.sync_directory(blobs_of(data_dir_)); !synced) return synced;
+  durable = true;
+  return {};
 }
 
 std::string BlobStore::path_of(std::string_view sha256) const {

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <array>
+#include <atomic>
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -86,9 +88,12 @@ class BlobStore {
  private:
   friend class BlobWriter;
   BlobStore(std::string data_dir, FileSystem& files, const Clock& clock);
+  Result<void> ensure_shard(std::string_view sha256);
+
   std::string data_dir_;
   FileSystem& files_;
   const Clock& clock_;
+  std::array<std::atomic<bool>, 256> shard_is_durable_{};
 };
 
 }  // namespace valvetriage

@@ -7,11 +7,17 @@
 
 namespace valvetriage::test {
 
-/// An empty folder that vanishes with the object.
+/// An empty folder that vanishes with the object: in memory where the machine has such a place, unless the disk itself
+/// is what is measured.
 class TemporaryFolder {
  public:
-  TemporaryFolder() {
-    std::string pattern = (std::filesystem::temp_directory_path() / "valvetriage-XXXXXX").string();
+  enum class Where { kMemory, kDisk };
+
+  explicit TemporaryFolder(Where where = Where::kMemory) {
+    const std::filesystem::path memory = "/dev/shm";
+    const bool in_memory = where == Where::kMemory && std::filesystem::is_directory(memory);
+    const auto base = in_memory ? memory : std::filesystem::temp_directory_path();
+    std::string pattern = (base / "valvetriage-XXXXXX").string();
     path_ = ::mkdtemp(pattern.data());
   }
   ~TemporaryFolder() {

@@ -285,6 +285,8 @@ Result<void> backup(Connection& connection, const std::string& file) {
     sqlite3_backup_finish(copy);
   }
   code = sqlite3_extended_errcode(target);
+  // Without a log beside it the copy is one file, readable from anywhere.
+  if (code == SQLITE_OK) code = sqlite3_exec(target, "PRAGMA journal_mode = DELETE", nullptr, nullptr, nullptr);
   if (code != SQLITE_OK) throw SqliteError(code, fmt::format("cannot write {}: {}", file, sqlite3_errmsg(target)));
   return {};
 }
