@@ -3,8 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <stdexcept>
+
+#include "tests/stand/random.h"
 
 namespace valvetriage::stand {
 namespace {
@@ -57,35 +60,61 @@ std::vector<Command> steps() {
   return commands;
 }
 
-Command staircase() {
-  Command command = empty("staircase", "staircase");
-  hold(command, kRestA, 2.0);
-  for (const double level : kLevelsA) hold(command, level, 2.0);
-  for (int i = 3; i >= 0; --i) hold(command, kLevelsA[static_cast<std::size_t>(i)], 2.0);
-  hold(command, kRestA, 2.0);
+Command steps_in_one() {
+  Command command = empty("steps", "step");
+  hold(command, kRestA, 1.5);
+  for (const double level : kLevelsA) {
+    hold(command, level, 2.2);
+    hold(command, kRestA, 1.5);
+  }
   return command;
 }
 
-Command triangle() {
-  Command command = empty("triangle", "triangle");
+Command step_up() {
+  Command command = empty("step_up_1.6A", "step");
+  hold(command, kRestA, 1.5);
+  hold(command, 1.6, 4.0);
+  return command;
+}
+
+Command staircase() {
+  Command command = empty("staircase", "staircase");
+  hold(command, kRestA, 1.9);
+  for (const double level : kLevelsA) hold(command, level, 1.8);
+  for (int i = 3; i >= 0; --i) hold(command, kLevelsA[static_cast<std::size_t>(i)], 1.8);
+  hold(command, kRestA, 1.9);
+  return command;
+}
+
+Command triangle(const std::string& name, double ramp_s, int cycles) {
+  Command command = empty(name, "triangle");
   hold(command, kRestA, 1.0);
-  ramp(command, 2.0, 9.0);
-  ramp(command, kRestA, 9.0);
+  for (int i = 0; i < cycles; ++i) {
+    ramp(command, 2.0, ramp_s);
+    ramp(command, kRestA, ramp_s);
+  }
   hold(command, kRestA, 1.0);
   return command;
 }
 
 /// Logarithmic sweep, 0.2 to 20 Hz in 19 s around 1.6 A.
-Command sweep() {
-  constexpr double kLowHz = 0.2, kHighHz = 20, kSeconds = 19, kCentreA = 1.6, kAmplitudeA = 0.1;
-  Command command = empty("sweep", "sweep");
+Command sweep(const std::string& name, double amplitude_a) {
+  constexpr double kLowHz = 0.2, kHighHz = 20, kSeconds = 19, kCentreA = 1.6;
+  Command command = empty(name, "sweep");
   hold(command, kCentreA, 1.0);
   const double growth = std::log(kHighHz / kLowHz) / kSeconds;
   for (std::size_t k = 1; k <= samples_of(kSeconds); ++k) {
     const double t = static_cast<double>(k) * kPeriodS;
     const double phase = 2 * std::numbers::pi * kLowHz * std::expm1(growth * t) / growth;
-    command.value_a.push_back(kCentreA + kAmplitudeA * std::sin(phase));
+    command.value_a.push_back(kCentreA + amplitude_a * std::sin(phase));
   }
+  command.is_step.resize(command.value_a.size(), 0);
+  return command;
+}
+
+Command multisine_around_mid() {
+  Command command = empty("multisine", "other");
+  for (const double value : multisine(kPeriodS, 5, 15, 4)) command.value_a.push_back(1.6 + 0.06 * value);
   command.is_step.resize(command.value_a.size(), 0);
   return command;
 }
@@ -108,12 +137,60 @@ std::size_t Command::step_after(std::size_t k) const {
   return value_a.size();
 }
 
+double Command::at(double t_s) const {
+  const auto k = static_cast<std::size_t>(std::max(0.0, std::floor(t_s / period_s + 1e-9)));
+  return at(t_s, step_after(std::min(k, value_a.size() - 1)));
+}
+
+double Command::dither_at(double t_s) const {
+  return dither_a == 0 ? 0 : dither_a * std::sin(2 * std::numbers::pi * dither_hz * t_s);
+}
+
+double Command::step_time_s(std::size_t step) const {
+  if (step >= value_a.size()) return std::numeric_limits<double>::infinity();
+  return static_cast<double>(step) * period_s;
+}
+
+const std::vector<std::string>& repertoire() {
+  static const std::vector<std::string> names = {"steps",         "step",  "step_up",    "staircase", "triangle",
+                                                 "triangle_fast", "sweep", "sweep_high", "multisine"};
+  return names;
+}
+
 std::vector<Command> commands_of(const std::string& test) {
+  if (test == "steps") return {steps_in_one()};
   if (test == "step") return steps();
+  if (test == "step_up") return {step_up()};
   if (test == "staircase") return {staircase()};
-  if (test == "triangle") return {triangle()};
-  if (test == "sweep") return {sweep()};
-  throw std::invalid_argument("the stand has no test '" + test + "' (step staircase triangle sweep)");
+  if (test == "triangle") return {triangle("triangle", 9.0, 1)};
+  if (test == "triangle_fast") return {triangle("triangle_fast", 1.5, 6)};
+  if (test == "sweep") return {sweep("sweep", 0.1)};
+  if (test == "sweep_high") return {sweep("sweep_high", 0.3)};
+  if (test == "multisine") return {multisine_around_mid()};
+  std::string known;
+  for (const std::string& name : repertoire()) known += " " + name;
+  throw std::invalid_argument("the stand has no test '" + test + "'; it has" + known);
+}
+
+std::vector<double> multisine(double sample_period_s, double period_s, double highest_hz, int periods) {
+  Random random(1, "multisine");  // one signal for all: it is part of the repertoire
+  const auto n = static_cast<std::size_t>(std::lround(period_s / sample_period_s));
+  std::vector<double> one(n, 0.0);
+  int line = 1, lines = 0;
+  while (line / period_s <= highest_hz) {
+    const int left_out = random.below(4);
+    for (int i = 0; i < 4; ++i, line += 2) {
+      const double phase = 2 * std::numbers::pi * random.uniform();
+      if (i == left_out) continue;
+      ++lines;
+      for (std::size_t k = 0; k < n; ++k)
+        one[k] += std::cos(2 * std::numbers::pi * line * static_cast<double>(k) / static_cast<double>(n) + phase);
+    }
+  }
+  std::vector<double> all;
+  for (int period = 0; period < periods; ++period)
+    for (const double value : one) all.push_back(value * std::sqrt(2.0 / lines));
+  return all;
 }
 
 Command command_of_samples(const std::string& name, double period_s, std::vector<double> value_a) {

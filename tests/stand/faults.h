@@ -1,56 +1,44 @@
 #pragma once
 
 #include <limits>
-#include <string>
-#include <vector>
-
-#include "tests/stand/unit.h"
 
 namespace valvetriage::stand {
 
 /// What is wrong with a unit or its stand, in physical numbers; every default is neutral. All are excesses over the
-/// healthy unit. Currents are input equivalents at 1.6 A.
+/// healthy unit. Currents are input equivalents at 1.6 A. Order: as in the contract's table of causes.
 struct Faults {
+  static constexpr double kNever = std::numeric_limits<double>::infinity();
+
   double breakaway_a = 0, kinetic_a = 0;
-  double leak_fraction = 0;
+  double backlash_a = 0;
+  double loop_a = 0;
+  double dead_centre_a = 0, dead_width_a = 0;
+  double ceiling_psi = kNever;
+  double pressure_ratio = 1;
+  double curvature = 0;
+  bool rectified = false;
+  double delay_s = 0;
   double extra_lag_s = 0;
+  double mode_period_s = 0, mode_damping = 1;
+  double slew_a_per_s = kNever;
+  double fall_to_rise = 1;
+  double leak_fraction = 0;
+  double exponent_loss = 0;
+  double spring_cubic = 0;  ///< cubic over linear part of the spring force at full travel
+  double hunting_psi = 0, hunting_hz = 0, hunting_level_psi = 0;
+  double tone_psi = 0, tone_hz = 0;
   double warming_gain_change = 0, warming_time_constant_s = 1;
   double offset_psi = 0, drift_psi_per_s = 0;
+  double contact_gain_change = 0, contact_s = kNever;
+  double psi_per_c = 0, psi_per_supply_psi = 0;
+
+  // outside the vocabulary
+  double telegraph_gain = 0;
+  double surge_share = 0;     ///< supply lost while the stand's accumulator is empty
+  double entrained_air = 0;   ///< compressibility of the air at 26 psi over that of the fluid
+  double clock_error = 0;     ///< the pressure's clock runs fast by this ratio
+  double tube_stick_psi = 0;  ///< the gauge's tube holds until the pressure differs by this
+  double creep = 0;           ///< share of the current's effect that comes late, over three decades of time
 };
-
-/// Effects asked for by name, each with its one size.
-struct EffectRequest {
-  std::string effect;
-  double size = 0;
-};
-
-struct EffectParameter {
-  std::string name;
-  double value = 0;
-  std::string unit;
-};
-
-/// One hidden effect as the truth file tells it.
-struct HiddenEffect {
-  std::string effect, origin, family;
-  double size = 0;
-  std::string size_meaning;
-  bool in_vocabulary = true;
-  std::vector<EffectParameter> parameters;
-};
-
-/// One row of the table of effects (README): name, the meaning of its size, and the sizes at which a valve counts as
-/// malfunctioned and as severe.
-struct EffectInfo {
-  std::string effect, origin, family, size_meaning;
-  bool in_vocabulary = true;
-  double malfunctioned_size = 0, severe_size = 0;
-};
-
-const std::vector<EffectInfo>& effect_table();
-
-/// Puts an effect of the given size on `faults`; what else it needs (a ratio, an instant) is drawn from `seed`.
-/// A size of zero changes nothing. Throws std::invalid_argument for an unknown effect or a negative size.
-HiddenEffect apply_effect(const EffectRequest& request, const Unit& unit, std::uint64_t seed, Faults& faults);
 
 }  // namespace valvetriage::stand

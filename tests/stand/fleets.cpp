@@ -1,9 +1,7 @@
 #include "tests/stand/fleets.h"
 
-#include <algorithm>
 #include <array>
 #include <cstdio>
-#include <stdexcept>
 
 #include "tests/stand/random.h"
 
@@ -30,14 +28,6 @@ FleetValve valve_of(const std::string& serial, const std::string& lot, const std
   return valve;
 }
 
-const EffectInfo& info_of(const std::string& effect) {
-  const auto& table = effect_table();
-  const auto row =
-      std::find_if(table.begin(), table.end(), [&](const EffectInfo& info) { return info.effect == effect; });
-  if (row == table.end()) throw std::invalid_argument("the stand has no effect '" + effect + "'");
-  return *row;
-}
-
 struct Kind {
   const char *name, *effect;
 };
@@ -46,7 +36,7 @@ constexpr std::array<Kind, 4> kKinds = {
 
 /// Sizes lie inside a verdict's range, away from its borders: nobody can tell a valve that sits on one.
 void spoil(FleetValve& valve, const Kind& kind, bool severe, std::uint64_t seed) {
-  const EffectInfo& info = info_of(kind.effect);
+  const EffectInfo& info = effect_info(kind.effect);
   Random random(seed, "size " + valve.options.serial);
   const double size = severe ? random.log_uniform(info.severe_size, 2 * info.severe_size)
                              : random.log_uniform(info.malfunctioned_size, 0.6 * info.severe_size);

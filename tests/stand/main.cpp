@@ -5,10 +5,12 @@
 #include <map>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "tests/stand/files.h"
 #include "tests/stand/fleets.h"
+#include "tests/stand/motion.h"
 #include "tests/stand/random.h"
 #include "tests/stand/session.h"
 
@@ -16,13 +18,16 @@ namespace valvetriage::stand {
 namespace {
 
 constexpr const char* kUsage =
-    "usage: valvetriage_stand session    --out DIR --serial S --lot L [--valve-type T] [--stand NAME] [--condition C]\n"
-    "                                    [--unit-seed N] [--noise-seed N] [--tests step,staircase,triangle,sweep]\n"
-    "                                    [--effect NAME=SIZE]... [--noise-psi X] [--truth FILE] [--clean DIR]\n"
-    "       valvetriage_stand population --out DIR [--valves 8] [--seed N] [--tests ...]\n"
-    "       valvetriage_stand lot        --out DIR --lot L [--valves 15] [--seed N] [--tests ...] [--truth FILE]\n"
-    "       valvetriage_stand labelled   --out DIR [--valves 36] [--seed N] [--tests ...]\n"
-    "       valvetriage_stand effects\n";
+    "usage: valvetriage_stand session    --out DIR --serial S --lot L [SESSION] [--truth FILE] [--clean DIR]\n"
+    "       valvetriage_stand signature  --out DIR [SESSION]        noise-free, with and without the effects\n"
+    "       valvetriage_stand motion     --out DIR [SESSION] [--truth FILE] [--clean DIR]   a unitless bipolar plant\n"
+    "       valvetriage_stand population --out DIR [--valves 8] [--seed N] [--tests T,T...]\n"
+    "       valvetriage_stand lot        --out DIR --lot L [--valves 15] [--seed N] [--tests T,T...] [--truth FILE]\n"
+    "       valvetriage_stand labelled   --out DIR [--valves 36] [--seed N] [--tests T,T...]\n"
+    "       valvetriage_stand effects                               what can be hidden, and what its size means\n"
+    "SESSION: [--serial S] [--lot L] [--valve-type T] [--stand NAME] [--condition C] [--unit-seed N] [--noise-seed N]\n"
+    "         [--tests T,T...|full|none] [--input CSV]... [--effect NAME=SIZE]... [--decoy NAME[=SIZE]]...\n"
+    "         [--noise-psi X]\n";
 
 /// `--key value` pairs in order; a key may come again.
 class Arguments {
@@ -86,27 +91,61 @@ EffectRequest effect_of(const std::string& text) {
   return {text.substr(0, equals), number(text.substr(equals + 1))};
 }
 
+std::pair<std::string, double> decoy_of(const std::string& text) {
+  const std::size_t equals = text.find('=');
+  if (equals == std::string::npos) return {text, 0};
+  return {text.substr(0, equals), number(text.substr(equals + 1))};
+}
+
+std::vector<std::string> tests_of(const std::string& text) {
+  if (text == "full") return full_session();
+  if (text == "none") return {};
+  return split(text);
+}
+
 SessionOptions session_options(const Arguments& arguments) {
   SessionOptions options;
-  options.serial = arguments.required("serial");
-  options.lot = arguments.required("lot");
+  options.serial = arguments.text("serial", options.serial);
+  options.lot = arguments.text("lot", options.lot);
   options.valve_type = arguments.text("valve-type", options.valve_type);
   options.stand = arguments.text("stand", options.stand);
   options.condition = arguments.text("condition", options.condition);
   options.unit_seed =
       arguments.has("unit-seed") ? seed_of(arguments.text("unit-seed", "")) : Random::hash(options.serial);
   options.noise_seed = seed_of(arguments.text("noise-seed", "1"));
-  if (arguments.has("tests")) options.tests = split(arguments.text("tests", ""));
+  if (arguments.has("tests")) options.tests = tests_of(arguments.text("tests", ""));
   if (arguments.has("noise-psi")) options.noise_psi = number(arguments.text("noise-psi", ""));
+  for (const std::string& path : arguments.all("input")) options.inputs.push_back(read_command(path));
   for (const std::string& effect : arguments.all("effect")) options.effects.push_back(effect_of(effect));
+  for (const std::string& decoy : arguments.all("decoy")) options.decoys.push_back(decoy_of(decoy));
+  if (options.tests.empty() && options.inputs.empty()) throw std::invalid_argument("nothing to play");
   return options;
 }
 
-void play_session(const Arguments& arguments) {
-  const Session session = run_session(session_options(arguments));
-  write_recordings(arguments.required("out"), session);
+void write_session(const Arguments& arguments, const Session& session, Columns columns) {
+  write_recordings(arguments.required("out"), session, columns);
   if (arguments.has("truth")) write_file(arguments.text("truth", ""), truth_json(session));
   if (arguments.has("clean")) write_clean(arguments.text("clean", ""), session);
+}
+
+void play_session(const Arguments& arguments) {
+  for (const char* key : {"serial", "lot"}) arguments.required(key);
+  write_session(arguments, run_session(session_options(arguments)), Columns::kValve);
+}
+
+void play_motion(const Arguments& arguments) {
+  SessionOptions options = session_options(arguments);
+  if (!arguments.has("noise-psi")) options.noise_psi = 0.01;
+  write_session(arguments, run_motion(options), Columns::kUnitless);
+}
+
+void play_signature(const Arguments& arguments) {
+  const Signature signature = signature_of(session_options(arguments));
+  const std::filesystem::path folder = arguments.required("out");
+  for (std::size_t i = 0; i < signature.healthy.recordings.size(); ++i) {
+    const StandRecording& healthy = signature.healthy.recordings[i];
+    write_file(folder / (healthy.name + ".csv"), signature_csv(healthy, signature.spoiled.recordings[i]));
+  }
 }
 
 /// Plays every valve into DIR/<serial>/ and returns the sealed truth of all, one JSON array.
@@ -114,7 +153,7 @@ std::string play_fleet(std::vector<FleetValve> fleet, const Arguments& arguments
   const std::filesystem::path folder = arguments.required("out");
   std::string truth = "[";
   for (FleetValve& valve : fleet) {
-    if (arguments.has("tests")) valve.options.tests = split(arguments.text("tests", ""));
+    if (arguments.has("tests")) valve.options.tests = tests_of(arguments.text("tests", ""));
     const Session session = run_session(valve.options);
     write_recordings(folder / valve.options.serial, session);
     truth += (truth.size() > 1 ? ",\n" : "") + ("{\"kind\": \"" + valve.kind + "\", \"verdict\": \"" + valve.verdict) +
@@ -136,18 +175,33 @@ int count_of(const Arguments& arguments, const std::string& otherwise) {
 }
 
 void list_effects() {
+  std::printf("effects: name, origin, family, range of sizes, meaning of the size\n");
   for (const EffectInfo& info : effect_table())
-    std::printf("%-22s %-6s %-12s size: %s\n", info.effect.c_str(), info.origin.c_str(), info.family.c_str(),
-                info.size_meaning.c_str());
+    std::printf("  %-20s %-6s %-11s %7g to %-7g %s\n", info.effect.c_str(), info.origin.c_str(), info.family.c_str(),
+                info.smallest, info.largest, info.size_meaning.c_str());
+  std::printf("decoys: name, usual size, meaning of the size\n");
+  for (const DecoyInfo& info : decoy_table())
+    std::printf("  %-20s %7g %s\n", info.decoy.c_str(), info.usual_size, info.size_meaning.c_str());
+  std::printf("tests:");
+  for (const std::string& name : repertoire()) std::printf(" %s", name.c_str());
+  std::printf("\n");
+}
+
+Arguments session_arguments(int argc, char** argv) {
+  return {argc,
+          argv,
+          {"out", "serial", "lot", "valve-type", "stand", "condition", "unit-seed", "noise-seed", "tests", "input",
+           "effect", "decoy", "noise-psi", "truth", "clean"}};
 }
 
 void run(int argc, char** argv) {
   const std::string verb = argc > 1 ? argv[1] : "";
   if (verb == "session") {
-    play_session({argc,
-                  argv,
-                  {"out", "serial", "lot", "valve-type", "stand", "condition", "unit-seed", "noise-seed", "tests",
-                   "effect", "noise-psi", "truth", "clean"}});
+    play_session(session_arguments(argc, argv));
+  } else if (verb == "signature") {
+    play_signature(session_arguments(argc, argv));
+  } else if (verb == "motion") {
+    play_motion(session_arguments(argc, argv));
   } else if (verb == "population") {
     const Arguments arguments(argc, argv, {"out", "valves", "seed", "tests"});
     play_fleet(good_population(count_of(arguments, "8"), seed_of(arguments.text("seed", "1"))), arguments);

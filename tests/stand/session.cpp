@@ -1,75 +1,60 @@
 #include "tests/stand/session.h"
 
-#include <cmath>
-#include <numbers>
-
-#include "tests/stand/command.h"
+#include "tests/stand/environment.h"
 #include "tests/stand/random.h"
 #include "tests/stand/valve.h"
 
 namespace valvetriage::stand {
 namespace {
 
-/// A slowly wandering quantity: a few incommensurate sines of random phase.
-class Wander {
- public:
-  Wander(Random random, double mean, double amplitude, double fastest_hz) : mean_(mean) {
-    double hz = fastest_hz;
-    for (Wave& wave : wave_) {
-      wave = {amplitude * random.uniform(0.5, 1.0) / 3, 2 * std::numbers::pi * hz,
-              2 * std::numbers::pi * random.uniform()};
-      hz *= 0.43;
-    }
-  }
-  double at(double t) const {
-    double sum = mean_;
-    for (const Wave& wave : wave_) sum += wave.amplitude * std::sin(wave.rad_s * t + wave.phase);
-    return sum;
-  }
+std::vector<Command> commands_of_session(const SessionOptions& options) {
+  std::vector<Command> commands;
+  for (const std::string& test : options.tests)
+    for (Command& command : commands_of(test)) commands.push_back(std::move(command));
+  commands.insert(commands.end(), options.inputs.begin(), options.inputs.end());
+  return commands;
+}
 
- private:
-  struct Wave {
-    double amplitude, rad_s, phase;
-  };
-  double mean_;
-  Wave wave_[3];
-};
+Conditions conditions_of(const SessionOptions& options) {
+  Conditions conditions;
+  conditions.noise_psi = options.noise_psi;
+  for (const auto& [decoy, size] : options.decoys) apply_decoy(decoy, size, conditions);
+  return conditions;
+}
 
-StandRecording record(const SessionOptions& options, const Unit& unit, const Faults& faults, const Command& command) {
-  StandRecording recording;
-  recording.name = command.name;
-  recording.test = command.test;
-  const std::size_t n = command.value_a.size();
-  for (std::size_t k = 0; k < n; ++k) recording.time_s.push_back(static_cast<double>(k) * command.period_s);
-  recording.clean_psi = run_valve(unit, faults, command, options.noise_seed, recording.time_s);
-
-  Random noise(options.noise_seed, "noise " + command.name);
-  const Wander temperature({options.noise_seed, "temperature " + command.name}, 40 + 4 * noise.normal(), 0.8, 0.05);
-  const Wander supply({options.noise_seed, "supply " + command.name}, 480 + 3 * noise.normal(), 4, 0.3);
-  for (std::size_t k = 0; k < n; ++k) {
-    const double t = recording.time_s[k];
-    recording.current_a.push_back(command.value_a[k] + options.current_noise_a * noise.normal());
-    recording.pressure_psi.push_back(recording.clean_psi[k] + options.noise_psi * noise.normal());
-    recording.temperature_c.push_back(temperature.at(t) + 0.02 * noise.normal());
-    recording.supply_psi.push_back(supply.at(t) + 0.2 * noise.normal());
-  }
-  return recording;
+StandRecording record(const SessionOptions& options, const Unit& unit, const Faults& faults,
+                      const Conditions& conditions, const Command& command) {
+  const Environment environment(options.noise_seed, command.name);
+  const Command played = as_played(command, conditions, options.noise_seed);
+  std::vector<double> times_s = sample_times_s(played, conditions, options.noise_seed);
+  std::vector<double> clean_psi = run_valve(unit, faults, played, environment, times_s, options.tolerance);
+  return log_recording(played, conditions, environment, options.noise_seed, std::move(times_s), std::move(clean_psi));
 }
 
 }  // namespace
+
+std::vector<std::string> full_session() {
+  return {"steps", "staircase", "triangle", "triangle_fast", "sweep", "multisine"};
+}
 
 Session run_session(const SessionOptions& options) {
   Session session;
   session.options = options;
   session.unit = draw_unit(options.unit_seed);
-  Faults faults;
+  const std::vector<Command> commands = commands_of_session(options);
+  const Conditions conditions = conditions_of(options);
   const std::uint64_t effect_seed = Random(options.unit_seed, "effects").next() ^ options.noise_seed;
-  for (const EffectRequest& request : options.effects)
-    session.truth.push_back(apply_effect(request, session.unit, effect_seed, faults));
-  for (const std::string& test : options.tests)
-    for (const Command& command : commands_of(test))
-      session.recordings.push_back(record(options, session.unit, faults, command));
+  SpoiledSession spoiled = hide_effects(options.effects, session.unit, commands, effect_seed);
+  for (std::size_t i = 0; i < commands.size(); ++i)
+    session.recordings.push_back(record(options, session.unit, spoiled.faults[i], conditions, commands[i]));
+  session.truth = std::move(spoiled.truth);
   return session;
+}
+
+Signature signature_of(const SessionOptions& options) {
+  SessionOptions healthy = options;
+  healthy.effects.clear();
+  return {run_session(healthy), run_session(options)};
 }
 
 }  // namespace valvetriage::stand

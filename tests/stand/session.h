@@ -1,11 +1,15 @@
 #pragma once
 
 #include <cstdint>
-#include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
-#include "tests/stand/faults.h"
+#include "tests/stand/acquisition.h"
+#include "tests/stand/command.h"
+#include "tests/stand/effects.h"
+#include "tests/stand/integration.h"
+#include "tests/stand/unit.h"
 
 namespace valvetriage::stand {
 
@@ -15,16 +19,12 @@ struct SessionOptions {
   std::string tested_at = "2026-08-03T09:12:44Z";
   std::uint64_t unit_seed = 1;   ///< which valve
   std::uint64_t noise_seed = 1;  ///< which day: noise, history, fluid temperature, supply
-  std::vector<std::string> tests = {"step", "staircase", "triangle", "sweep"};
+  std::vector<std::string> tests = {"step", "staircase", "triangle", "sweep"};  ///< of the repertoire
+  std::vector<Command> inputs;                                                  ///< played after the tests
   std::vector<EffectRequest> effects;
-  double noise_psi = 0.35, current_noise_a = 0.0005;
-};
-
-/// One recording; columns in the contract's units.
-struct StandRecording {
-  std::string name, test;
-  std::vector<double> time_s, current_a, pressure_psi, temperature_c, supply_psi;
-  std::vector<double> clean_psi;  ///< without noise, for the scorer only
+  std::vector<std::pair<std::string, double>> decoys;  ///< name and size (0: usual)
+  double noise_psi = 0.35;
+  Tolerance tolerance;
 };
 
 struct Session {
@@ -34,7 +34,17 @@ struct Session {
   Unit unit;
 };
 
+/// The six recordings of 4,000 samples that a full session consists of.
+std::vector<std::string> full_session();
+
 /// Plays the tests on the unit. Throws std::invalid_argument for what the stand does not have.
 Session run_session(const SessionOptions& options);
+
+/// The session and its twin without the effects: same unit, same day. The difference of their noise-free outputs is the
+/// signature of the effects.
+struct Signature {
+  Session healthy, spoiled;
+};
+Signature signature_of(const SessionOptions& options);
 
 }  // namespace valvetriage::stand
