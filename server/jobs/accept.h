@@ -24,20 +24,20 @@ struct AcceptLimits {
 
 /// One file of an upload, already durable in the blob store.
 struct AcceptedFile {
-  std::string name;
+  std::string name{};
   StoredBlob blob;
-  std::optional<std::string> test;
+  std::optional<std::string> test{};
   std::string metadata_json = "{}";
 };
 
 /// alone         the single recording of POST /v1/recordings
 /// options_json  what the analysis is asked for (column mapping, sample rate, baseline, rule base), one JSON object
 struct AcceptRequest {
-  Labels labels;
-  std::vector<AcceptedFile> files;
+  Labels labels{};
+  std::vector<AcceptedFile> files{};
   bool alone = false;
   std::string options_json = "{}";
-  std::optional<IdempotencyKey> idempotency;
+  std::optional<IdempotencyKey> idempotency{};
   std::string actor = "local";
 };
 

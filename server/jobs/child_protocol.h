@@ -14,11 +14,11 @@ namespace valvetriage {
 
 /// One recording as the child gets it.
 struct JobFile {
-  std::string name;
-  std::string sha256;
-  std::string path;
-  std::optional<std::string> test;
-  std::string metadata_json;
+  std::string name{};
+  std::string sha256{};
+  std::string path{};
+  std::optional<std::string> test{};
+  std::string metadata_json{};
 };
 
 /// All that an analysis depends on: the same spec and version give the same result.
@@ -26,13 +26,13 @@ struct JobFile {
 /// options_json    as the upload asked: column mapping, sample rate, baseline
 /// reference_json, rule_base_json   the documents that serve, absent where there are none
 struct JobSpec {
-  std::string job_id;
-  std::string submission_id;
-  std::vector<JobFile> files;
-  Labels labels;
+  std::string job_id{};
+  std::string submission_id{};
+  std::vector<JobFile> files{};
+  Labels labels{};
   std::string options_json = "{}";
-  std::optional<std::string> reference_json;
-  std::optional<std::string> rule_base_json;
+  std::optional<std::string> reference_json{};
+  std::optional<std::string> rule_base_json{};
 };
 
 /// What the child says on its way.
@@ -63,7 +63,7 @@ std::string problem_json(const Error& error);
 
 struct ChildProgress {
   double fraction = 0;
-  std::string note;
+  std::string note{};
 };
 
 /// One line of the child, read. Exactly one of them is set.

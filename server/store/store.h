@@ -37,11 +37,11 @@ constexpr bool is_final(JobState state) {
 /// Labels of a valve's test: what is filtered and grouped by. `tested_at`, `operator` and the like stay in
 /// `metadata_json`.
 struct Labels {
-  std::optional<std::string> lot;
-  std::optional<std::string> serial;
-  std::optional<std::string> valve_type;
-  std::optional<std::string> condition;
-  std::optional<std::string> stand;
+  std::optional<std::string> lot{};
+  std::optional<std::string> serial{};
+  std::optional<std::string> valve_type{};
+  std::optional<std::string> condition{};
+  std::optional<std::string> stand{};
 
   bool operator==(const Labels&) const = default;
 };
@@ -58,13 +58,13 @@ struct LevelError {
 /// top_cause             the strongest entry of `discrepancy.causes`; absent where there is none
 /// errors                Eq 20 error by current level
 struct AnalysisSummary {
-  std::optional<std::string> verdict;
-  std::optional<std::string> reason;
-  std::optional<std::string> action;
-  std::optional<std::string> conclusion;
-  std::optional<std::string> top_cause;
-  std::optional<double> top_cause_probability;
-  std::vector<LevelError> errors;
+  std::optional<std::string> verdict{};
+  std::optional<std::string> reason{};
+  std::optional<std::string> action{};
+  std::optional<std::string> conclusion{};
+  std::optional<std::string> top_cause{};
+  std::optional<double> top_cause_probability{};
+  std::vector<LevelError> errors{};
 
   bool operator==(const AnalysisSummary&) const = default;
 };
@@ -75,37 +75,37 @@ struct AnalysisSummary {
 /// metadata_json  everything the sender said about it, as one JSON object
 /// problem_json   why it was rejected or failed: a problem document; absent otherwise
 struct RecordingRow {
-  std::string id;
-  std::string submission_id;
-  std::string job_id;
+  std::string id{};
+  std::string submission_id{};
+  std::string job_id{};
   JobState state = JobState::kQueued;
   TimestampMs received_at = 0;
-  std::string name;
-  std::string sha256;
+  std::string name{};
+  std::string sha256{};
   std::int64_t size_bytes = 0;
-  Labels labels;
-  std::optional<std::string> test;
-  std::string metadata_json;
-  AnalysisSummary summary;
-  std::optional<std::string> problem_json;
+  Labels labels{};
+  std::optional<std::string> test{};
+  std::string metadata_json{};
+  AnalysisSummary summary{};
+  std::optional<std::string> problem_json{};
 };
 
 /// The recordings of one valve that are analysed together. `job_id` is the newest job. Once there is a result the state
 /// stays `done`; a later analysis that fails shows in its own job.
 struct SubmissionRow {
-  std::string id;
-  std::string job_id;
+  std::string id{};
+  std::string job_id{};
   JobState state = JobState::kQueued;
   TimestampMs received_at = 0;
-  Labels labels;
+  Labels labels{};
   std::int64_t recordings = 0;
-  AnalysisSummary summary;
-  std::optional<std::string> problem_json;
+  AnalysisSummary summary{};
+  std::optional<std::string> problem_json{};
 };
 
 /// Identifies one run of one job: whoever holds an older token may no longer finish it.
 struct LeaseToken {
-  std::string job_id;
+  std::string job_id{};
   std::int64_t fence = 0;
 };
 
@@ -114,19 +114,19 @@ struct LeaseToken {
 /// options_json   what the analysis was asked for: column mapping, baseline, rule base
 /// progress       0 to 1, with what is being done
 struct JobRow {
-  std::string id;
-  std::string submission_id;
+  std::string id{};
+  std::string submission_id{};
   JobState state = JobState::kQueued;
   TimestampMs created_at = 0;
-  std::optional<TimestampMs> started_at;
-  std::optional<TimestampMs> finished_at;
+  std::optional<TimestampMs> started_at{};
+  std::optional<TimestampMs> finished_at{};
   int attempt = 0;
   int crashes = 0;
-  std::string options_json;
+  std::string options_json{};
   double progress = 0;
-  std::string progress_note;
-  std::optional<std::string> analysis_id;
-  std::optional<std::string> problem_json;
+  std::string progress_note{};
+  std::optional<std::string> analysis_id{};
+  std::optional<std::string> problem_json{};
   std::int64_t fence = 0;
 
   LeaseToken lease() const { return {id, fence}; }
@@ -134,14 +134,14 @@ struct JobRow {
 
 /// One result; never changed, never replaced. The body is the contract's analysis document.
 struct AnalysisRow {
-  std::string id;
-  std::string submission_id;
-  std::string job_id;
+  std::string id{};
+  std::string submission_id{};
+  std::string job_id{};
   TimestampMs created_at = 0;
-  std::string engine_version;
-  std::string settings_sha256;
-  std::string result_sha256;
-  AnalysisSummary summary;
+  std::string engine_version{};
+  std::string settings_sha256{};
+  std::string result_sha256{};
+  AnalysisSummary summary{};
 };
 
 /// A versioned JSON document per valve type: the newest serves.
@@ -149,31 +149,31 @@ enum class DocumentKind { kReference, kRuleBase };
 
 struct DocumentRow {
   DocumentKind kind = DocumentKind::kReference;
-  std::string valve_type;
+  std::string valve_type{};
   int version = 0;
-  std::string sha256;
+  std::string sha256{};
   TimestampMs created_at = 0;
-  std::string created_by;
+  std::string created_by{};
 };
 
 /// What teardown found in a valve.
 struct FindingRow {
-  std::string id;
-  std::string serial;
-  std::string cause;
-  std::string found_by;
+  std::string id{};
+  std::string serial{};
+  std::string cause{};
+  std::string found_by{};
   TimestampMs found_at = 0;
-  std::string note;
+  std::string note{};
   TimestampMs created_at = 0;
 };
 
 /// An access token. The secret itself is never stored, only its SHA-256. `scopes` is a set of submit, read, admin.
 struct TokenRow {
-  std::string id;
-  std::string name;
-  std::vector<std::string> scopes;
+  std::string id{};
+  std::string name{};
+  std::vector<std::string> scopes{};
   TimestampMs created_at = 0;
-  std::optional<TimestampMs> revoked_at;
+  std::optional<TimestampMs> revoked_at{};
 };
 
 /// One change. `cursor` only ever grows, in the order the changes were committed. Never updated, never deleted.
@@ -184,10 +184,10 @@ struct TokenRow {
 struct EventRow {
   std::int64_t cursor = 0;
   TimestampMs at = 0;
-  std::string kind;
-  std::string subject;
-  std::string actor;
-  std::string detail_json;
+  std::string kind{};
+  std::string subject{};
+  std::string actor{};
+  std::string detail_json{};
 };
 
 /// A lot, counted by valve (by serial; without one every submission counts as a valve), each by its newest result.
@@ -195,15 +195,15 @@ struct EventRow {
 /// verdicts   verdict -> valves; the empty key stands for a result without a verdict
 /// causes     strongest cause -> valves; valves without one are not in it
 struct LotRow {
-  std::string lot;
+  std::string lot{};
   TimestampMs first_received_at = 0;
   TimestampMs last_received_at = 0;
   std::int64_t recordings = 0;
   std::int64_t submissions = 0;
   std::int64_t valves = 0;
   std::int64_t analysed_valves = 0;
-  std::map<std::string, std::int64_t> verdicts;
-  std::map<std::string, std::int64_t> causes;
+  std::map<std::string, std::int64_t> verdicts{};
+  std::map<std::string, std::int64_t> causes{};
 };
 
 // ---------------------------------------------------------------------------------------------------------------------
@@ -211,17 +211,17 @@ struct LotRow {
 
 /// One file of a submission whose blob is already durable.
 struct NewRecording {
-  std::string name;
-  std::string sha256;
+  std::string name{};
+  std::string sha256{};
   std::int64_t size_bytes = 0;
-  std::optional<std::string> test;
+  std::optional<std::string> test{};
   std::string metadata_json = "{}";
 };
 
 /// `principal` keeps the keys of two tokens apart.
 struct IdempotencyKey {
-  std::string principal;
-  std::string key;
+  std::string principal{};
+  std::string key{};
 };
 
 /// request_sha256   of what was asked; the same key with another hash is a conflict
@@ -230,12 +230,12 @@ struct IdempotencyKey {
 ///                  sameness is that of the whole submission
 /// max_queued_jobs  admission: beyond this the store refuses with `overloaded`
 struct NewSubmission {
-  Labels labels;
-  std::vector<NewRecording> recordings;
+  Labels labels{};
+  std::vector<NewRecording> recordings{};
   bool alone = false;
   std::string options_json = "{}";
-  std::string request_sha256;
-  std::optional<IdempotencyKey> idempotency;
+  std::string request_sha256{};
+  std::optional<IdempotencyKey> idempotency{};
   std::string actor = "local";
   std::int64_t max_queued_jobs = 100'000;
 };
@@ -248,17 +248,17 @@ enum class AcceptKind { kCreated, kReplayed, kDuplicate };
 struct Accepted {
   AcceptKind kind = AcceptKind::kCreated;
   bool first_created = true;
-  SubmissionRow submission;
-  std::vector<RecordingRow> recordings;  ///< where `alone`, exactly the one that was asked for
+  SubmissionRow submission{};
+  std::vector<RecordingRow> recordings{};  ///< where `alone`, exactly the one that was asked for
 };
 
 /// A result to store: summary for the lists, `body_json` the whole document.
 struct NewAnalysis {
-  std::string engine_version;
-  std::string settings_sha256;
-  std::string result_sha256;
-  AnalysisSummary summary;
-  std::string body_json;
+  std::string engine_version{};
+  std::string settings_sha256{};
+  std::string result_sha256{};
+  AnalysisSummary summary{};
+  std::string body_json{};
 };
 
 /// How an attempt that gave no analysis ended.
@@ -274,54 +274,54 @@ enum class AttemptEnd { kRejected, kFault, kTimeout, kCrash, kFailed, kReturned 
 /// All given fields must match. `cause` is the strongest cause. `since` is inclusive, `until` exclusive, of
 /// received_at.
 struct Filter {
-  std::optional<std::string> lot;
-  std::optional<std::string> serial;
-  std::optional<std::string> valve_type;
-  std::optional<std::string> stand;
-  std::optional<std::string> verdict;
-  std::optional<std::string> cause;
-  std::optional<TimestampMs> since;
-  std::optional<TimestampMs> until;
+  std::optional<std::string> lot{};
+  std::optional<std::string> serial{};
+  std::optional<std::string> valve_type{};
+  std::optional<std::string> stand{};
+  std::optional<std::string> verdict{};
+  std::optional<std::string> cause{};
+  std::optional<TimestampMs> since{};
+  std::optional<TimestampMs> until{};
 };
 
 /// `cursor` as an earlier page's `next` gave it.
 struct PageRequest {
   int limit = 50;
-  std::optional<std::string> cursor;
+  std::optional<std::string> cursor{};
 };
 
 inline constexpr int kMaxPageLimit = 1000;
 
 template <typename Row>
 struct Page {
-  std::vector<Row> items;
-  std::optional<std::string> next;
+  std::vector<Row> items{};
+  std::optional<std::string> next{};
 };
 
 /// Jobs by state, and the age of the oldest one that waits.
 struct QueueStats {
-  std::map<JobState, std::int64_t> jobs;
-  std::optional<TimestampMs> oldest_queued_at;
+  std::map<JobState, std::int64_t> jobs{};
+  std::optional<TimestampMs> oldest_queued_at{};
 };
 
 struct DocumentBody {
-  DocumentRow row;
-  std::string body_json;
+  DocumentRow row{};
+  std::string body_json{};
 };
 
 struct NewFinding {
-  std::string serial;
-  std::string cause;
-  std::string found_by;
-  std::optional<TimestampMs> found_at;  ///< now where absent
-  std::string note;
+  std::string serial{};
+  std::string cause{};
+  std::string found_by{};
+  std::optional<TimestampMs> found_at{};  ///< now where absent
+  std::string note{};
   std::string actor = "local";
 };
 
 struct NewToken {
-  std::string name;
-  std::string secret_sha256;
-  std::vector<std::string> scopes;
+  std::string name{};
+  std::string secret_sha256{};
+  std::vector<std::string> scopes{};
   std::string actor = "local";
 };
 

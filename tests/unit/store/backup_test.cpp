@@ -1,0 +1,90 @@
+#include "server/store/backup.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <fstream>
+#include <thread>
+
+#include "server/jobs/accept.h"
+#include "server/store/sqlite/sqlite_store.h"
+#include "tests/contract/store_samples.h"
+#include "tests/contract/temporary_folder.h"
+
+namespace valvetriage {
+namespace {
+
+class Backup : public testing::Test {
+ protected:
+  std::string upload(const std::string& bytes) {
+    auto writer = blobs_->begin(1 << 20);
+    EXPECT_TRUE(writer->write(bytes));
+    const auto accepted = accept_submission(*store_, {.labels = test::a_valve("lot-a", bytes),
+                                                      .files = {{.name = "a", .blob = *writer->commit(), .test = {}}}});
+    EXPECT_TRUE(accepted);
+    return accepted->recordings.at(0).id;
+  }
+
+  Result<BackupReport> restore_here(const std::string& name) {
+    return restore(folder_.file("backup"), folder_.file(name + ".sqlite"), folder_.file(name));
+  }
+
+  test::TemporaryFolder folder_;
+  std::unique_ptr<Store> store_ = std::move(*open_sqlite_store(folder_.file("db")));
+  std::unique_ptr<BlobStore> blobs_ = std::move(*BlobStore::open(folder_.file("data")));
+};
+
+TEST_F(Backup, TakenUnderLoadRestoresToASoundWhole) {
+  std::vector<std::string> before;
+  for (int i = 0; i < 20; ++i) before.push_back(upload("before " + std::to_string(i)));
+  std::atomic<bool> stop = false;
+  std::thread load([&] {
+    for (int i = 0; !stop; ++i) upload("during " + std::to_string(i));
+  });
+  const auto reader = open_sqlite_reader(folder_.file("db"));
+  const auto report = back_up(**reader, *blobs_, folder_.file("backup"));
+  stop = true;
+  load.join();
+  ASSERT_TRUE(report) << report.error().message;
+  EXPECT_GE(report->blobs, 20);
+
+  const auto restored = restore_here("restored");
+  ASSERT_TRUE(restored) << restored.error().message;
+  EXPECT_EQ(restored->blobs, report->blobs);
+  const auto store = std::move(*open_sqlite_store(folder_.file("restored.sqlite")));
+  const auto blobs = std::move(*BlobStore::open(folder_.file("restored")));
+  EXPECT_EQ(*check_everything(*store, *blobs), std::vector<std::string>{});
+  for (const std::string& id : before) EXPECT_EQ(blobs->verify(store->recording(id)->sha256).has_value(), true);
+}
+
+TEST_F(Backup, RefusesToOverwriteABackupOrADatabase) {
+  upload("bytes");
+  ASSERT_TRUE(back_up(*store_, *blobs_, folder_.file("backup")));
+  EXPECT_EQ(back_up(*store_, *blobs_, folder_.file("backup")).error().code, "already_there");
+  ASSERT_TRUE(restore_here("restored"));
+  EXPECT_EQ(restore_here("restored").error().code, "already_there");
+}
+
+TEST_F(Backup, RestoresNothingFromADamagedOne) {
+  upload("bytes");
+  ASSERT_TRUE(back_up(*store_, *blobs_, folder_.file("backup")));
+  const auto copy = std::move(*BlobStore::open(folder_.file("backup")));
+  const std::string path = copy->path_of(sha256_hex("bytes"));
+  ASSERT_EQ(::unlink(path.c_str()), 0);
+  std::ofstream(path) << "other";
+  EXPECT_EQ(restore_here("restored").error().code, "blob_damaged");
+  EXPECT_NE(::access(folder_.file("restored.sqlite").c_str(), F_OK), 0) << "without a database it does not count";
+}
+
+TEST_F(Backup, SaysWhichBlobIsDamaged) {
+  upload("bytes");
+  EXPECT_EQ(*check_everything(*store_, *blobs_), std::vector<std::string>{});
+  ASSERT_EQ(::unlink(blobs_->path_of(sha256_hex("bytes")).c_str()), 0);
+  const auto damages = check_everything(*store_, *blobs_);
+  ASSERT_EQ(damages->size(), 1u);
+  EXPECT_NE(damages->front().find(sha256_hex("bytes")), std::string::npos);
+}
+
+}  // namespace
+}  // namespace valvetriage

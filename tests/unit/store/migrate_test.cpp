@@ -1,0 +1,119 @@
+#include "server/store/sqlite/migrate.h"
+
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "server/store/sqlite/sqlite_store.h"
+#include "tests/contract/temporary_folder.h"
+
+namespace valvetriage::sqlite {
+namespace {
+
+class Migrate : public testing::Test {
+ protected:
+  std::string file() const { return folder_.file("db"); }
+
+  std::int64_t tables() {
+    Connection connection(file(), Access::kWrite);
+    return connection.integer("SELECT count(*) FROM sqlite_schema WHERE type = 'table' AND name NOT LIKE 'sqlite_%'");
+  }
+
+  test::TemporaryFolder folder_;
+};
+
+/// Dies, as by a kill, when the statement number `*left` begins.
+int die_in_time(unsigned, void* left, void*, void*) {
+  if (--*static_cast<int*>(left) == 0) ::_exit(9);
+  return 0;
+}
+
+TEST_F(Migrate, TakesEachStepOnce) {
+  Connection connection(file(), Access::kWrite);
+  EXPECT_EQ(*migrate(connection), static_cast<int>(migrations().size()));
+  EXPECT_EQ(*migrate(connection), 0);
+  EXPECT_TRUE(check_schema(connection));
+}
+
+TEST_F(Migrate, LeavesTheOldOrTheNewSchemaWhereverItIsKilled) {
+  bool finished = false;
+  for (int statement = 1; !finished; ++statement) {
+    const pid_t child = ::fork();
+    if (child == 0) {
+      Connection connection(file(), Access::kWrite);
+      int left = statement;
+      sqlite3_trace_v2(connection.handle(), SQLITE_TRACE_STMT, die_in_time, &left);
+      ::_exit(migrate(connection) ? 0 : 1);
+    }
+    int status = 0;
+    ASSERT_EQ(::waitpid(child, &status, 0), child);
+    finished = WEXITSTATUS(status) == 0;
+    const bool is_new = [&] {
+      Connection connection(file(), Access::kWrite);
+      EXPECT_EQ(connection.query("PRAGMA integrity_check").next(), true);
+      return schema_version(connection) == migrations().back().version;
+    }();
+    EXPECT_EQ(is_new, tables() > 0) << "killed at statement " << statement;
+    ASSERT_LT(statement, 1000);
+    if (is_new) finished = true;
+  }
+}
+
+TEST_F(Migrate, UndoesAStepThatFails) {
+  Connection connection(file(), Access::kWrite);
+  const Migration steps[] = {{1, "one", "CREATE TABLE a (x) STRICT_NO;"}};
+  EXPECT_THROW((void)migrate(connection, steps), SqliteError);
+  const Migration half[] = {{1, "one", "CREATE TABLE a (x); CREATE TABLE a (x);"}};
+  EXPECT_THROW((void)migrate(connection, half), SqliteError);
+  EXPECT_EQ(schema_version(connection), 0);
+  EXPECT_EQ(tables(), 0);
+}
+
+TEST_F(Migrate, RefusesADatabaseOfANewerVersionAndDoesNotTouchIt) {
+  { ASSERT_TRUE(open_sqlite_store(file())); }
+  const int newer = migrations().back().version + 1;
+  { Connection(file(), Access::kWrite).script("PRAGMA user_version = " + std::to_string(newer)); }
+  const auto store = open_sqlite_store(file());
+  ASSERT_FALSE(store);
+  EXPECT_EQ(store.error().code, "schema_too_new");
+  EXPECT_NE(store.error().message.find("run the version that wrote it"), std::string::npos);
+  Connection connection(file(), Access::kWrite);
+  EXPECT_EQ(schema_version(connection), newer);
+}
+
+TEST_F(Migrate, RefusesAnOlderDatabaseWhereItMayNotMigrate) {
+  { Connection(file(), Access::kWrite).script("CREATE TABLE old (x)"); }
+  EXPECT_EQ(open_sqlite_store(file(), {.migrate = false}).error().code, "schema_too_old");
+}
+
+TEST_F(Migrate, LetsOnlyOneServerHaveADatabase) {
+  const auto first = open_sqlite_store(file());
+  ASSERT_TRUE(first);
+  const auto second = open_sqlite_store(file());
+  ASSERT_FALSE(second);
+  EXPECT_EQ(second.error().code, "store_locked");
+}
+
+TEST_F(Migrate, LetsAReaderInBesideTheServerButNotWrite) {
+  const auto server = open_sqlite_store(file());
+  const auto reader = open_sqlite_reader(file());
+  ASSERT_TRUE(reader);
+  EXPECT_TRUE((*reader)->queue_stats());
+  EXPECT_EQ((*reader)->probe().error().code, "read_only");
+}
+
+TEST_F(Migrate, RefusesAFileThatIsNoDatabase) {
+  {
+    FILE* other = std::fopen(file().c_str(), "w");
+    std::fputs(
+        "time_s,current_A,pressure_psi, and so on for more than a hundred bytes of something that is no database",
+        other);
+    std::fclose(other);
+  }
+  const auto store = open_sqlite_store(file());
+  ASSERT_FALSE(store);
+  EXPECT_EQ(store.error().code, "store_broken");
+}
+
+}  // namespace
+}  // namespace valvetriage::sqlite
