@@ -140,7 +140,7 @@ Parameters periodic_disturbance(const Draft& d) {
 Parameters thermal_drift(const Draft& d) {
   d.need(d.size < 0.7, "thermal_drift: the size must be below 0.7");
   d.faults.warming_gain_change = -d.size;
-  d.faults.warming_time_constant_s = d.random.uniform(3, 8);
+  d.faults.warming_time_constant_s = d.random.uniform(2, 6);
   return {{"gain_change", -d.size, ""}, {"time_constant_s", d.faults.warming_time_constant_s, "s"}};
 }
 
@@ -204,7 +204,7 @@ Parameters creep(const Draft& d) {
 
 const std::vector<Effect>& effects() {
   static const std::vector<Effect> table = {
-      {{"friction", "valve", "memory", "breakaway [A]", 0.0004, 0.05, 0.012, 0.035}, friction},
+      {{"friction", "valve", "memory", "breakaway [A]", 0.0004, 0.15, 0.022, 0.065}, friction},
       {{"backlash", "valve", "memory", "full width [A]", 0.0004, 0.06, 0.015, 0.045}, backlash},
       {{"hysteresis", "valve", "memory", "full width of the major loop at mid range [A]", 0.0004, 0.06, 0.015, 0.045},
        hysteresis},
@@ -214,12 +214,12 @@ const std::vector<Effect>& effects() {
       {{"static_curve", "valve", "static", "|c| of y + c R q (1 - q)", 0.005, 0.5, 0.06, 0.2}, static_curve},
       {{"rectified_sensor", "stand", "static", "1: magnitude only (bipolar plants)", 1, 1, 1, 1}, rectified_sensor},
       {{"transport_delay", "either", "timing", "excess delay [s]", 0.0003, 0.05, 0.01, 0.03}, transport_delay},
-      {{"extra_lag", "valve", "timing", "time constant of one more lag [s]", 0.0005, 0.3, 0.05, 0.15}, extra_lag},
+      {{"extra_lag", "valve", "timing", "time constant of one more lag [s]", 0.0005, 0.3, 0.045, 0.16}, extra_lag},
       {{"resonance", "either", "timing", "period of the mode [s]", 0.004, 0.3, 0.04, 0.12}, resonance},
       {{"rate_limit", "valve", "timing", "1 / limit [s/A]", 0.005, 2, 0.15, 0.6}, rate_limit},
       {{"asymmetric_response", "valve", "timing", "fall-to-rise ratio of the time constants, less 1", 0.02, 4, 0.6, 2},
        asymmetric_response},
-      {{"leakage", "valve", "flow", "loss over through-flow at 210 psi", 0.002, 0.5, 0.06, 0.18}, leakage},
+      {{"leakage", "valve", "flow", "loss over through-flow at 210 psi", 0.002, 0.5, 0.035, 0.12}, leakage},
       {{"orifice_flow", "either", "flow", "exponent of the outflow, lowered by", 0.0005, 0.1, 0.01, 0.03},
        orifice_flow},
       {{"stiffening_spring", "valve", "flow", "cubic over linear force at full travel", 0.003, 0.5, 0.05, 0.2},
@@ -227,7 +227,7 @@ const std::vector<Effect>& effects() {
       {{"self_oscillation", "valve", "disturbance", "amplitude where strongest [psi]", 0.05, 20, 2, 8},
        self_oscillation},
       {{"periodic_disturbance", "stand", "disturbance", "amplitude [psi]", 0.02, 10, 2, 6}, periodic_disturbance},
-      {{"thermal_drift", "valve", "slow", "share of gain lost when warm", 0.001, 0.3, 0.05, 0.15}, thermal_drift},
+      {{"thermal_drift", "valve", "slow", "share of gain lost when warm", 0.001, 0.6, 0.1, 0.3}, thermal_drift},
       {{"sensor_offset", "stand", "slow", "|offset| [psi]", 0.3, 20, 5, 15}, sensor_offset},
       {{"sensor_drift", "stand", "slow", "|drift| [psi/s]", 0.003, 2, 0.3, 1.0}, sensor_drift},
       {{"intermittent", "either", "slow", "share of gain lost at an instant of one recording", 0.001, 0.5, 0.1, 0.3},
