@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "core/classify/check.h"
+#include "core/classify/compare.h"
 #include "server/commands/commands.h"
 #include "server/commands/rule_base.h"
 #include "server/wire/rule_base_json.h"
@@ -13,6 +14,7 @@ namespace {
 struct ClassifyArguments {
   std::string table;
   std::string rule_base = "calibrated";
+  bool compare = false;
   bool json = false;
 };
 
@@ -27,10 +29,32 @@ Result<std::vector<Classification>> classify_rows(const RuleBase& base, const Fe
   return rows;
 }
 
-void print_json(const RuleBase& base, const std::vector<Classification>& rows) {
-  Json document{{"rule_base", rule_base_identity(base)}, {"rows", Json::array()}};
-  for (const Classification& row : rows) document["rows"].push_back(to_json(row));
+Json comparison_json(const Comparison& comparison) {
+  Json classifiers = Json::array();
+  for (const ClassifierScore& score : comparison.scores) {
+    classifiers.push_back({{"name", score.name},
+                           {"predictions", score.predictions},
+                           {"accuracy", score.accuracy()},
+                           {"soft_errors", score.soft},
+                           {"hard_errors", score.hard}});
+  }
+  return {{"features", comparison.features}, {"classifiers", classifiers}, {"notes", comparison.notes}};
+}
+
+void print_json(const RuleBase& base, const std::vector<Classification>& rows, const std::optional<Comparison>& comparison) {
+  Json document{{"rule_base", rule_base_identity(base)}, {"rows", list_to_json(rows, to_json)}};
+  if (comparison) document["comparison"] = comparison_json(*comparison);
   fmt::print("{}\n", dump_json(document, true));
+}
+
+void print_comparison(const Comparison& comparison) {
+  fmt::print("\nheld-out valves of repeated stratified cross-validation, {} features\n", comparison.features);
+  fmt::print("{:<24} {:>11} {:>9} {:>11} {:>11}\n", "classifier", "predictions", "accuracy", "soft errors", "hard errors");
+  for (const ClassifierScore& score : comparison.scores) {
+    fmt::print("{:<24} {:>11} {:>8.2f}% {:>11} {:>11}\n", score.name, score.predictions, 100 * score.accuracy(), score.soft,
+               score.hard);
+  }
+  for (const std::string& note : comparison.notes) fmt::print("note: {}\n", note);
 }
 
 std::string memberships_text(const Memberships& memberships) {
@@ -76,28 +100,34 @@ void print_report(const RuleBase& base, const FeatureTable& table, const std::ve
   for (const RuleBaseFinding& finding : check_rule_base(base)) fmt::print("note: {}\n", finding.text);
 }
 
-ExitStatus run(const ClassifyArguments& arguments) {
+Result<void> classify_table(const ClassifyArguments& arguments) {
   const auto base = open_rule_base(arguments.rule_base);
-  if (!base) {
-    print_error(base.error());
-    return kBadInput;
-  }
+  if (!base) return tl::unexpected(base.error());
   const auto table = open_feature_table(arguments.table);
-  if (!table) {
-    print_error(table.error());
-    return kBadInput;
-  }
+  if (!table) return tl::unexpected(table.error());
   const auto rows = classify_rows(*base, *table);
-  if (!rows) {
-    print_error(rows.error());
-    return kBadInput;
+  if (!rows) return tl::unexpected(rows.error());
+  std::optional<Comparison> comparison;
+  if (arguments.compare) {
+    const auto compare = [](const std::vector<LabelledValve>& valves) { return compare_classifiers(valves); };
+    auto compared = labelled_valves(*table).and_then(compare).map_error(in_file(arguments.table));
+    if (!compared) return tl::unexpected(compared.error());
+    comparison = std::move(*compared);
   }
   if (arguments.json) {
-    print_json(*base, *rows);
-  } else {
-    print_report(*base, *table, *rows);
+    print_json(*base, *rows, comparison);
+    return {};
   }
-  return kDone;
+  print_report(*base, *table, *rows);
+  if (comparison) print_comparison(*comparison);
+  return {};
+}
+
+ExitStatus run(const ClassifyArguments& arguments) {
+  const auto done = classify_table(arguments);
+  if (done) return kDone;
+  print_error(done.error());
+  return kBadInput;
 }
 
 }  // namespace
@@ -109,6 +139,7 @@ void add_classify_command(CLI::App& app, int& exit_status) {
                    "Rows with error_low,error_high or error_<level in A>; - is standard input")
       ->required();
   verb->add_option("--rule-base", arguments->rule_base, "A file, or paper, or calibrated")->capture_default_str();
+  verb->add_flag("--compare", arguments->compare, "Cross-validate against the classifiers the paper cites; needs a verdict column");
   verb->add_flag("--json", arguments->json, "Print JSON");
   verb->callback([arguments, &exit_status] { exit_status = run(*arguments); });
 }

@@ -28,13 +28,6 @@ Result<std::string> read_text(const std::string& file, std::size_t most) {
   return text;
 }
 
-auto in_file(const std::string& file) {
-  return [file](Error error) {
-    error.file = file == "-" ? "standard input" : file;
-    return error;
-  };
-}
-
 struct LearnArguments {
   std::string table;
   std::string output;
