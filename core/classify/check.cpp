@@ -11,7 +11,7 @@ namespace {
 using Kind = RuleBaseFinding::Kind;
 
 /// Grid points that one level and one set of measured inputs may cost.
-constexpr double kGridBudget = 20000;
+constexpr double kGridBudget = 8000;
 constexpr int kMostSamplesPerCell = 64;
 
 double largest_finite_corner(const FuzzyInput& input) {

@@ -103,8 +103,8 @@ std::vector<int> stratified_folds(std::span<const LabelledValve> valves, int fol
   return fold;
 }
 
-void score_fold(const Contender& contender, std::span<const LabelledValve> valves, const std::vector<int>& folds, int fold,
-                ClassifierScore& score) {
+void score_fold(const Contender& contender, std::span<const LabelledValve> valves, const std::vector<int>& folds,
+                int fold, ClassifierScore& score) {
   std::vector<std::size_t> training;
   for (std::size_t v = 0; v < valves.size(); ++v) {
     if (folds[v] != fold) training.push_back(v);
@@ -130,8 +130,8 @@ Result<void> require_enough(std::span<const LabelledValve> valves, int folds) {
     const auto n = std::size_t(std::count_if(valves.begin(), valves.end(), is_it));
     const std::size_t held_out = (n + std::size_t(folds) - 1) / std::size_t(folds);
     if (n > 0 && n - held_out < kFewestPerClass) {
-      return fail("too_few_labels", fmt::format("{} valves labelled {}: {} folds need at least {}", n, to_string(verdict), folds,
-                                                kFewestPerClass + 1));
+      return fail("too_few_labels", fmt::format("{} valves labelled {}: {} folds need at least {}", n,
+                                                to_string(verdict), folds, kFewestPerClass + 1));
     }
   }
   return {};

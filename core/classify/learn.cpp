@@ -286,8 +286,9 @@ RuleBase build(const std::vector<LearnedLevel>& levels, const std::vector<Verdic
                const LearnOptions& options) {
   RuleBase base{.name = options.name, .version = options.version, .description = options.description};
   base.window = options.window;
-  // Product, not minimum: with several inputs a smooth monotone rule table keeps its centroid monotone under the product
-  // (Van Broekhoven and De Baets, IEEE Trans. Fuzzy Systems 17 (2009) 1157). With one input there is no difference.
+  // Product, not minimum: with several inputs a smooth monotone rule table keeps its centroid monotone under the
+  // product (Van Broekhoven and De Baets, IEEE Trans. Fuzzy Systems 17 (2009) 1157). With one input there is no
+  // difference.
   base.conjunction = Conjunction::kProduct;
   for (const LearnedLevel& learned : levels) {
     LevelRules level{.name = level_name(learned.level_a), .level_a = learned.level_a};

@@ -41,7 +41,8 @@ Json comparison_json(const Comparison& comparison) {
   return {{"features", comparison.features}, {"classifiers", classifiers}, {"notes", comparison.notes}};
 }
 
-void print_json(const RuleBase& base, const std::vector<Classification>& rows, const std::optional<Comparison>& comparison) {
+void print_json(const RuleBase& base, const std::vector<Classification>& rows,
+                const std::optional<Comparison>& comparison) {
   Json document{{"rule_base", rule_base_identity(base)}, {"rows", list_to_json(rows, to_json)}};
   if (comparison) document["comparison"] = comparison_json(*comparison);
   fmt::print("{}\n", dump_json(document, true));
@@ -49,10 +50,11 @@ void print_json(const RuleBase& base, const std::vector<Classification>& rows, c
 
 void print_comparison(const Comparison& comparison) {
   fmt::print("\nheld-out valves of repeated stratified cross-validation, {} features\n", comparison.features);
-  fmt::print("{:<24} {:>11} {:>9} {:>11} {:>11}\n", "classifier", "predictions", "accuracy", "soft errors", "hard errors");
+  fmt::print("{:<24} {:>11} {:>9} {:>11} {:>11}\n", "classifier", "predictions", "accuracy", "soft errors",
+             "hard errors");
   for (const ClassifierScore& score : comparison.scores) {
-    fmt::print("{:<24} {:>11} {:>8.2f}% {:>11} {:>11}\n", score.name, score.predictions, 100 * score.accuracy(), score.soft,
-               score.hard);
+    fmt::print("{:<24} {:>11} {:>8.2f}% {:>11} {:>11}\n", score.name, score.predictions, 100 * score.accuracy(),
+               score.soft, score.hard);
   }
   for (const std::string& note : comparison.notes) fmt::print("note: {}\n", note);
 }
@@ -139,7 +141,8 @@ void add_classify_command(CLI::App& app, int& exit_status) {
                    "Rows with error_low,error_high or error_<level in A>; - is standard input")
       ->required();
   verb->add_option("--rule-base", arguments->rule_base, "A file, or paper, or calibrated")->capture_default_str();
-  verb->add_flag("--compare", arguments->compare, "Cross-validate against the classifiers the paper cites; needs a verdict column");
+  verb->add_flag("--compare", arguments->compare,
+                 "Cross-validate against the classifiers the paper cites; needs a verdict column");
   verb->add_flag("--json", arguments->json, "Print JSON");
   verb->callback([arguments, &exit_status] { exit_status = run(*arguments); });
 }

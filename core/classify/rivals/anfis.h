@@ -18,8 +18,8 @@ namespace valvetriage {
 /// Cost    O(epochs · n (r p)²); deterministic
 struct AnfisOptions {
   int epochs = 50;
-  double step = 0.05;    ///< of a standard deviation, per epoch: the length of the gradient step
-  double ridge = 1e-3;   ///< on the consequents, relative to n
+  double step = 0.05;   ///< of a standard deviation, per epoch: the length of the gradient step
+  double ridge = 1e-3;  ///< on the consequents, relative to n
 };
 RivalClassifier train_anfis(const TrainingSet& training, const AnfisOptions& options = {});
 

@@ -47,7 +47,8 @@ Clusters class_means(const Eigen::MatrixXd& x, const std::vector<Verdict>& verdi
   }
   Eigen::MatrixXd member(Eigen::Index(clusters.verdicts.size()), x.rows());
   for (Eigen::Index i = 0; i < member.rows(); ++i) {
-    for (Eigen::Index j = 0; j < x.rows(); ++j) member(i, j) = verdicts[std::size_t(j)] == clusters.verdicts[std::size_t(i)];
+    for (Eigen::Index j = 0; j < x.rows(); ++j)
+      member(i, j) = verdicts[std::size_t(j)] == clusters.verdicts[std::size_t(i)];
   }
   clusters.prototypes = weighted_means(member, x);
   return clusters;

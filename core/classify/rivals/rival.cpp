@@ -7,9 +7,8 @@ namespace valvetriage {
 Standardiser::Standardiser(const Eigen::MatrixXd& features) : mean_(features.colwise().mean()) {
   const Eigen::MatrixXd centred = features.rowwise() - mean_;
   const double n = std::max<double>(1, double(features.rows() - 1));
-  inverse_sd_ = (centred.colwise().squaredNorm() / n).cwiseSqrt().unaryExpr([](double sd) {
-    return sd > 0 ? 1 / sd : 0.0;
-  });
+  inverse_sd_ =
+      (centred.colwise().squaredNorm() / n).cwiseSqrt().unaryExpr([](double sd) { return sd > 0 ? 1 / sd : 0.0; });
 }
 
 Eigen::VectorXd Standardiser::operator()(const Eigen::VectorXd& x) const {

@@ -10,7 +10,7 @@ namespace valvetriage {
 
 /// Labelled feature vectors: one row per valve, every row with every feature.
 struct TrainingSet {
-  Eigen::MatrixXd features;  ///< n × p
+  Eigen::MatrixXd features;       ///< n × p
   std::vector<Verdict> verdicts;  ///< n
 };
 

@@ -36,8 +36,8 @@ Eigen::Index winner(const Eigen::MatrixXd& weights, const Eigen::RowVectorXd& x)
 }
 
 /// h of every node to every sample's winner, nodes × n.
-Eigen::MatrixXd neighbourhood(const Eigen::MatrixXd& weights, const Eigen::MatrixXd& positions, const Eigen::MatrixXd& x,
-                              double radius) {
+Eigen::MatrixXd neighbourhood(const Eigen::MatrixXd& weights, const Eigen::MatrixXd& positions,
+                              const Eigen::MatrixXd& x, double radius) {
   Eigen::MatrixXd h(weights.rows(), x.rows());
   for (Eigen::Index j = 0; j < x.rows(); ++j) {
     const Eigen::RowVectorXd centre = positions.row(winner(weights, x.row(j)));

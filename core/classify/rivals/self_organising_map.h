@@ -11,7 +11,8 @@ namespace valvetriage {
 /// The map starts on the plane of the first two principal components, so nothing is random. A node's degrees are the
 /// neighbourhood-weighted shares of the classes around it.
 ///
-/// Source  T. Kohonen, Self-Organizing Maps, 3rd ed., Springer 2001, section 3.6 (batch map); as a pattern classifier of
+/// Source  T. Kohonen, Self-Organizing Maps, 3rd ed., Springer 2001, section 3.6 (batch map); as a pattern classifier
+/// of
 ///         processes: B. Bhushan and J. Romagnoli, Ind. Eng. Chem. Res. 47 (2008) 4209 (paper reference 6)
 /// Cost    O(iterations · n · side² · p) to train; deterministic
 struct SelfOrganisingMapOptions {

@@ -60,7 +60,8 @@ void expect_the_same(const RuleBase& base) {
       engine->process();
       const auto ours = classify_level(base, level, {.level_a = level.level_a, .error_eq20 = error}).value();
       // Steps of 2 / 4000, each off by at most half a step: the moments of straight pieces are exact to its square.
-      EXPECT_NEAR(engine->getOutputVariable("verdict")->getValue(), ours.centroid, 1e-5) << level.name << " at " << error;
+      EXPECT_NEAR(engine->getOutputVariable("verdict")->getValue(), ours.centroid, 1e-5)
+          << level.name << " at " << error;
       for (std::size_t r = 0; r < ours.rules.size(); ++r) {
         EXPECT_NEAR(engine->getRuleBlock(0)->getRule(r)->getActivationDegree(), ours.rules[r].strength, 1e-5);
       }
@@ -68,9 +69,13 @@ void expect_the_same(const RuleBase& base) {
   }
 }
 
-TEST(FuzzyLite, AgreesOnThePaper) { expect_the_same(embedded_rule_base("paper").value()); }
+TEST(FuzzyLite, AgreesOnThePaper) {
+  expect_the_same(embedded_rule_base("paper").value());
+}
 
-TEST(FuzzyLite, AgreesOnCalibrated) { expect_the_same(embedded_rule_base("calibrated").value()); }
+TEST(FuzzyLite, AgreesOnCalibrated) {
+  expect_the_same(embedded_rule_base("calibrated").value());
+}
 
 TEST(FuzzyLite, AgreesWithScaledConclusionsToo) {
   RuleBase base = embedded_rule_base("paper").value();

@@ -15,9 +15,13 @@ namespace {
 constexpr auto kClip = Implication::kMinimum;
 constexpr auto kScale = Implication::kProduct;
 
-double centroid(std::vector<FiredSet> fired, Implication implication) { return exact_centroid(fired, implication).value(); }
+double centroid(std::vector<FiredSet> fired, Implication implication) {
+  return exact_centroid(fired, implication).value();
+}
 
-RuleBase calibrated() { return embedded_rule_base("calibrated").value(); }
+RuleBase calibrated() {
+  return embedded_rule_base("calibrated").value();
+}
 
 TEST(ExactCentroid, OfATriangleIsTheMeanOfItsCorners) {
   EXPECT_NEAR(centroid({{{0, 1, 1, 5}, 1}}, kClip), 2.0, 1e-14);
@@ -76,8 +80,8 @@ RC_GTEST_PROP(ExactCentroid, LiesInsideTheSupportAndAgreesWithFineSampling, (boo
     area += height;
     moment += height * z;
   }
-  // A vertical edge inside a cell is misplaced by at most half a step; six edges of height 1 against an area of at least
-  // half of the narrowest set at its least strength leave some 1e-2 of a unit in the worst case.
+  // A vertical edge inside a cell is misplaced by at most half a step; six edges of height 1 against an area of at
+  // least half of the narrowest set at its least strength leave some 1e-2 of a unit in the worst case.
   RC_ASSERT(std::abs(exact - moment / area) < 1e-2);
 }
 
@@ -104,8 +108,10 @@ TEST(Classify, HasNoVerdictWhereALevelIsMissing) {
 
 TEST(Classify, MatchesLevelsWithinTheToleranceAndNotBeyond) {
   const RuleBase base = calibrated();
-  const LevelFeatures inside[] = {{.level_a = 1.4 + 0.9 * kLevelTolerance, .error_eq20 = 1}, {.level_a = 1.6, .error_eq20 = 0.9}};
-  const LevelFeatures beyond[] = {{.level_a = 1.4 + 1.1 * kLevelTolerance, .error_eq20 = 1}, {.level_a = 1.6, .error_eq20 = 0.9}};
+  const LevelFeatures inside[] = {{.level_a = 1.4 + 0.9 * kLevelTolerance, .error_eq20 = 1},
+                                  {.level_a = 1.6, .error_eq20 = 0.9}};
+  const LevelFeatures beyond[] = {{.level_a = 1.4 + 1.1 * kLevelTolerance, .error_eq20 = 1},
+                                  {.level_a = 1.6, .error_eq20 = 0.9}};
   EXPECT_TRUE(classify(base, inside)->verdict);
   EXPECT_FALSE(classify(base, beyond)->verdict);
 }

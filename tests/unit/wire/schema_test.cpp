@@ -6,6 +6,7 @@
 #include "server/wire/analysis_json.h"
 #include "server/wire/model_json.h"
 #include "server/wire/reference_json.h"
+#include "server/wire/rule_base_json.h"
 #include "tests/unit/wire/generate.h"
 #include "tests/unit/wire/schema_check.h"
 
@@ -64,6 +65,7 @@ TEST(Schemas, RefuseEveryInvalidExampleAndEverySchemaHasOne) {
 std::optional<bool> is_read(const std::string& schema, const Json& document) {
   if (schema == "model" || schema == "identify") return model_from_json(document).has_value();
   if (schema == "reference") return reference_from_json(document).has_value();
+  if (schema == "rule_base") return rule_base_from_json(dump_json(document)).has_value();
   if (schema == "analysis") return analysis_from_json(document).has_value();
   return std::nullopt;
 }
