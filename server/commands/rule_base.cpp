@@ -2,31 +2,14 @@
 
 #include <fmt/format.h>
 
-#include <fstream>
-#include <iostream>
 #include <memory>
 
 #include "server/commands/commands.h"
+#include "server/commands/documents.h"
 #include "server/wire/rule_base_json.h"
 
 namespace valvetriage {
 namespace {
-
-/// At most `most` bytes and one more, so that the parser behind it can say that there are too many.
-Result<std::string> read_text(const std::string& file, std::size_t most) {
-  std::ifstream opened;
-  if (file != "-") opened.open(file, std::ios::binary);
-  std::istream& in = file == "-" ? std::cin : opened;
-  std::string text(most + 1, '\0');
-  if (in) in.read(text.data(), std::streamsize(text.size()));
-  if (in.bad() || (!in && in.gcount() == 0 && !in.eof())) {
-    Error error{.code = "cannot_read", .message = "the file cannot be read"};
-    error.file = file;
-    return tl::unexpected(error);
-  }
-  text.resize(std::size_t(in.gcount()));
-  return text;
-}
 
 struct LearnArguments {
   std::string table;
@@ -53,10 +36,8 @@ ExitStatus run_learn(const LearnArguments& arguments) {
     print_error(learned.error());
     return kBadInput;
   }
-  std::ofstream out(arguments.output, std::ios::binary);
-  out << dump_json(to_json(learned->base), true) << '\n';
-  if (!out.flush()) {
-    print_error({.code = "cannot_write", .message = "the file cannot be written", .file = arguments.output});
+  if (auto written = write_output(arguments.output, dump_json(to_json(learned->base), true) + "\n"); !written) {
+    print_error(written.error());
     return kFailure;
   }
   for (const std::string& note : learned->notes) fmt::print(stderr, "{}\n", note);
@@ -69,11 +50,11 @@ ExitStatus run_learn(const LearnArguments& arguments) {
 
 Result<RuleBase> open_rule_base(const std::string& name_or_file) {
   if (auto embedded = embedded_rule_base(name_or_file)) return embedded;
-  return read_text(name_or_file, kMaxRuleBaseBytes).and_then(rule_base_from_json).map_error(in_file(name_or_file));
+  return read_text_file(name_or_file, kMaxRuleBaseBytes).and_then(rule_base_from_json).map_error(in_file(name_or_file));
 }
 
 Result<FeatureTable> open_feature_table(const std::string& file) {
-  return read_text(file, kMaxTableBytes).and_then(parse_feature_table).map_error(in_file(file));
+  return read_text_file(file, kMaxTableBytes).and_then(parse_feature_table).map_error(in_file(file));
 }
 
 void add_rule_base_command(CLI::App& app, int& exit_status) {
