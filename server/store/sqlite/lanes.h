@@ -2,6 +2,7 @@
 
 #include <condition_variable>
 #include <deque>
+#include <exception>
 #include <functional>
 #include <memory>
 #include <mutex>
@@ -82,9 +83,11 @@ class ReaderPool {
       loan.connection->script("COMMIT");
       return result;
     } catch (const SqliteError& error) {
-      if (loan.connection->in_transaction())
-        sqlite3_exec(loan.connection->handle(), "ROLLBACK", nullptr, nullptr, nullptr);
+      loan.abandon();
       return tl::unexpected(to_error(error));
+    } catch (const std::exception& error) {
+      loan.abandon();
+      return fail("store_broken", std::string("a row could not be read: ") + error.what());
     }
   }
 
@@ -94,6 +97,10 @@ class ReaderPool {
     ~Loan() { pool.give_back(connection); }
     Loan(const Loan&) = delete;
     Loan& operator=(const Loan&) = delete;
+    /// Ends the transaction, if it is still open: the next borrower begins its own.
+    void abandon() const {
+      if (connection->in_transaction()) sqlite3_exec(connection->handle(), "ROLLBACK", nullptr, nullptr, nullptr);
+    }
     ReaderPool& pool;
     Connection* connection;
   };
