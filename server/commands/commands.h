@@ -13,7 +13,7 @@ enum ExitStatus : int { kDone = 0, kFailure = 1, kBadInput = 2, kVerdictNotGood 
 /// `exit_status`. Results go to standard output, messages to standard error, progress to a terminal only.
 /// The list in main.cpp is the list of verbs.
 #define VALVETRIAGE_COMMANDS(X) \
-  X(backup) X(check) X(classify) X(export) X(migrate) X(paper) X(plan) X(reference) X(restore) X(rule_base) X(simulate)
+  X(backup) X(check) X(classify) X(export) X(identify) X(migrate) X(paper) X(plan) X(reference) X(restore) X(rule_base) X(simulate)
 
 #define X(verb) void add_##verb##_command(CLI::App& app, int& exit_status);
 VALVETRIAGE_COMMANDS(X)

@@ -6,6 +6,7 @@
 #include <random>
 #include <vector>
 
+#include "core/identify/identification.h"
 #include "core/identify/rls.h"
 
 namespace {
@@ -100,10 +101,46 @@ void bm_rls_stream(benchmark::State& state) {
   state.SetItemsProcessed(static_cast<std::int64_t>(state.iterations()) * static_cast<std::int64_t>(kRows));
 }
 
+/// A noisy second-order valve of 24,000 samples at 200 Hz on random levels.
+valvetriage::Recording long_recording() {
+  constexpr std::size_t kSamples = 24000;
+  const auto random = regressors(11);
+  valvetriage::Recording recording;
+  recording.sample_period_s = 1.0 / 200;
+  double level = 1.5, y1 = 0, y2 = 0, u1 = 0, u2 = 0;
+  for (std::size_t t = 0; t < kSamples; ++t) {
+    if (t % 250 == 0) level = 1.6 + 0.4 * random[t / 250];
+    const double y = 1.890035 * y1 - 0.895874 * y2 + 1.372 * (u1 + u2);
+    recording.input.values.push_back(level);
+    recording.output.values.push_back(y + random[t]);
+    y2 = y1, y1 = y, u2 = u1, u1 = level;
+  }
+  return recording;
+}
+
+/// Free-run refinement alone (order given), and with order and delay chosen on the way.
+void bm_output_error(benchmark::State& state) {
+  const auto recording = long_recording();
+  const valvetriage::Recording* const all[] = {&recording};
+  valvetriage::IdentifyOptions options;
+  for (auto _ : state) {
+    if (state.range(0) == 0) {
+      auto fit = valvetriage::fit_output_error(all, {.order = 2, .zeros = 1, .delay_samples = 1}, {});
+      benchmark::DoNotOptimize(fit);
+    } else {
+      auto found = valvetriage::identify(all, options);
+      benchmark::DoNotOptimize(found);
+    }
+  }
+  state.SetItemsProcessed(static_cast<std::int64_t>(state.iterations()) *
+                          static_cast<std::int64_t>(recording.samples()));
+}
+
 }  // namespace
 
 BENCHMARK_TEMPLATE(bm_rls_kernel, 4)->Arg(0)->Arg(1)->ArgName("forgets")->UseManualTime();
 BENCHMARK_TEMPLATE(bm_rls_kernel, 8)->Arg(0)->Arg(1)->ArgName("forgets")->UseManualTime();
 BENCHMARK_TEMPLATE(bm_rls_kernel, 13)->Arg(0)->Arg(1)->ArgName("forgets")->UseManualTime();
 BENCHMARK(bm_rls_stream)->Args({2, 2})->Args({4, 4})->Args({7, 6});
+BENCHMARK(bm_output_error)->Arg(0)->Arg(1)->ArgName("chooses_order")->Unit(benchmark::kMillisecond);
 BENCHMARK_MAIN();
