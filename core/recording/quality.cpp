@@ -22,9 +22,10 @@ constexpr double kEqualSteps = 0.2;  ///< relative difference of steps that coun
 constexpr double kRunChance = 1e-9;  ///< of a run of equal values by the output's own repeats
 constexpr std::size_t kFewestClipped = 8;
 constexpr std::size_t kFewestStuck = 20;
-constexpr double kNoiselessRepeats = 0.8;  ///< share of repeats above which a run says nothing by itself
-constexpr double kInputTravel = 0.05;      ///< of the input's range, while the output stays
-constexpr double kTravelRatio = 4;         ///< and over what the other levels of a coarse output see
+constexpr double kNoiselessRepeats = 0.8;   ///< share of repeats above which a run says nothing by itself
+constexpr double kNoiselessOfRange = 1e-5;  ///< noise below this part of the range: a simulated output
+constexpr double kInputTravel = 0.05;       ///< of the input's range, while the output stays
+constexpr double kTravelRatio = 4;          ///< and over what the other levels of a coarse output see
 
 constexpr double kOutlierSigmas = 10;  ///< 8 deviations of a second difference: 2e-16 a sample in white noise
 constexpr double kOutlierOfRange = 0.03;
@@ -175,12 +176,13 @@ Repeats repeats_of(const std::vector<Run>& runs, const std::vector<double>& inpu
   return repeats;
 }
 
-/// A coarse output repeats its values: there only what the input does tells a limit, and nothing tells a stuck sensor.
-void judge_runs(Recording& recording, const Extremes& extremes, bool is_coarse) {
+/// A coarse output, or one without noise, repeats its values: there only what the input does tells a limit, and nothing
+/// tells a stuck sensor.
+void judge_runs(Recording& recording, const Extremes& extremes, bool can_repeat) {
   const std::vector<double>& output = recording.output.values;
   const std::vector<Run> runs = runs_of(output);
   const Repeats repeats = repeats_of(runs, recording.input.values);
-  const bool noisy = !is_coarse && repeats.share < kNoiselessRepeats;
+  const bool noisy = !can_repeat && repeats.share < kNoiselessRepeats;
   const double far =
       std::max(kInputTravel * extremes_of(recording.input.values).range(), kTravelRatio * repeats.typical_travel);
 
@@ -337,7 +339,7 @@ void judge_quality(Recording& recording) {
   const Extremes extremes = extremes_of(recording.output.values);
   const double sigma = noise_of(recording.output.values);
   const double level_step = judge_quantisation(recording, extremes, sigma);
-  judge_runs(recording, extremes, level_step > 0);
+  judge_runs(recording, extremes, level_step > 0 || sigma < kNoiselessOfRange * extremes.range());
   judge_feedback(recording);
   judge_outliers(recording, extremes, sigma, level_step);
 }

@@ -11,7 +11,7 @@ namespace valvetriage {
 /// clipped    the output stays exactly at its greatest or least value longer than its own repeats elsewhere explain
 ///            (chance below 1e-9), or while the input goes on. Removes nothing: it may be the valve's own limit
 /// stuck      the output stays exactly at any other value that long: a frozen sensor or logger.
-///            Not judged where it is quantised
+///            Not judged where the output is quantised or has no noise
 /// outliers   one or two samples far off both neighbours (10 standard deviations, 3 % of the range, 4 times the
 /// movement
 ///            around them), never the edge of a step. Replaced by the mean of the neighbours and marked not valid, as

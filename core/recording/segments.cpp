@@ -13,6 +13,7 @@ constexpr std::size_t kSlew = 3;              ///< samples that a jump may take
 constexpr double kJumpSigmas = 10;            ///< a jump's height over the input's noise
 constexpr double kJumpOfRange = 0.015;        ///< and over the input's range
 constexpr double kJumpOverMovement = 4;       ///< and over the movement just before and after it
+constexpr double kNoiseOfRange = 0.05;        ///< above it what looks like noise is the excitation
 constexpr double kHoldOfRange = 0.02;         ///< most movement within a hold
 constexpr double kStraightOfRange = 0.015;    ///< a straight piece follows the input this closely
 constexpr std::size_t kMaxPolyPoints = 4096;  ///< points that the polyline is searched on: bounds its cost
@@ -250,8 +251,8 @@ double noise_of(std::span<const double> values) {
 
 std::vector<Segment> find_segments(std::span<const double> input, double sample_period_s) {
   if (input.size() < 4 * kSide + kSlew) return {};
-  const double sigma = noise_of(input);
   const double range = range_without_spikes(input);
+  const double sigma = std::min(noise_of(input), kNoiseOfRange * range);
   std::vector<std::size_t> edges = find_edges(input, sigma, range);
   if (static_cast<double>(edges.size()) * kFewestJumpSamples > static_cast<double>(input.size())) edges.clear();
 

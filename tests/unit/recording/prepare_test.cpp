@@ -1,0 +1,154 @@
+#include "core/recording/prepare.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "core/recording/limits.h"
+#include "tests/unit/recording/signals.h"
+
+namespace valvetriage {
+namespace {
+
+Result<Recording> prepared(RawRecording raw) {
+  return prepare_recording(std::move(raw), {});
+}
+
+Signal step_command() {
+  return steps_of({1.0, 1.4, 1.0, 1.8, 1.0}, 400);
+}
+
+TEST(Prepare, LeavesAGoodNoisyRecordingWithoutAnyQualityItem) {
+  for (unsigned seed = 0; seed < 60; ++seed) {
+    for (const Signal& command : {step_command(), steps_of({1, 1.2, 1.4, 1.6, 1.8, 2.0, 1.6, 1.2}, 300),
+                                  triangle_of(4000, 2000), swept_sine_of(4000), multisine_of(4000, seed)}) {
+      const auto recording = prepared(recorded(command, seed));
+      ASSERT_TRUE(recording) << recording.error().message;
+      EXPECT_TRUE(recording->quality.empty())
+          << recording->quality.front().code << ": " << recording->quality.front().detail << ", seed " << seed;
+      EXPECT_TRUE(recording->valid.empty());
+    }
+  }
+}
+
+TEST(Prepare, LeavesANoiseFreeRecordingWithoutAnyQualityItem) {
+  for (const Signal& command : {step_command(), triangle_of(4000, 2000), swept_sine_of(4000)}) {
+    const auto recording = prepared(raw_of(command, response_of(command)));
+    ASSERT_TRUE(recording);
+    EXPECT_TRUE(recording->quality.empty()) << recording->quality.front().detail;
+  }
+}
+
+TEST(Prepare, KeepsUniformStampsAndSamplesAsTheyAre) {
+  const RawRecording raw = recorded(step_command(), 1);
+  const auto recording = prepared(raw);
+  EXPECT_EQ(recording->output.values, raw.output.values);
+  EXPECT_EQ(recording->time_s, raw.time.values);
+  EXPECT_NEAR(recording->sample_rate_hz(), 200, 1e-9);
+  EXPECT_TRUE(recording->test_inferred);
+  EXPECT_EQ(recording->test, TestKind::kStep);
+}
+
+TEST(Prepare, SeesAUniformClockBehindRoundedStamps) {
+  RawRecording raw = recorded(step_command(), 1);
+  for (std::size_t i = 0; i < raw.time.values.size(); ++i) {
+    raw.time.values[i] = std::round(static_cast<double>(i) / 300.0 * 1000) / 1000;  // 300 Hz in whole milliseconds
+  }
+  const auto recording = prepared(raw);
+  ASSERT_TRUE(recording);
+  EXPECT_EQ(find_quality(*recording, "jitter"), nullptr);
+  EXPECT_NEAR(recording->sample_rate_hz(), 300, 0.05);
+  EXPECT_EQ(recording->output.values, raw.output.values);
+}
+
+TEST(Prepare, ResamplesJitteredStampsAndHoldsTheInputAcrossItsStep) {
+  RawRecording raw = raw_of(step_command(), {});
+  std::mt19937 random(7);
+  std::uniform_real_distribution<double> jitter(-0.001, 0.001);
+  for (double& stamp : raw.time.values) stamp += jitter(random);
+  for (const double stamp : raw.time.values) raw.output.values.push_back(std::sin(stamp));
+  const auto recording = prepared(raw);
+  ASSERT_TRUE(recording) << recording.error().message;
+  const QualityItem* item = find_quality(*recording, "jitter");
+  ASSERT_NE(item, nullptr);
+  EXPECT_GT(item->count, 1000u);
+  EXPECT_NE(item->detail.find("% of the sampling period"), std::string::npos) << item->detail;
+  for (std::size_t i = 0; i < recording->samples(); ++i) {
+    const double u = recording->input.values[i];
+    EXPECT_TRUE(u == 1.0 || u == 1.4 || u == 1.8) << u;
+    // linear interpolation of a sine over 7 ms: h²/8, and the grid's start is the first stamp
+    const double at = recording->start_s + static_cast<double>(i) * recording->sample_period_s;
+    EXPECT_NEAR(recording->output.values[i], std::sin(at), 1.5e-3);
+  }
+}
+
+TEST(Prepare, FillsGapsMarksThemAndSaysWhere) {
+  RawRecording raw = recorded(step_command(), 4);
+  for (auto* values : {&raw.time.values, &raw.input.values, &raw.output.values}) {
+    values->erase(values->begin() + 1000, values->begin() + 1010);
+    values->erase(values->begin() + 500, values->begin() + 501);
+  }
+  const auto recording = prepared(raw);
+  ASSERT_TRUE(recording);
+  const QualityItem* item = find_quality(*recording, "gap");
+  ASSERT_NE(item, nullptr);
+  EXPECT_EQ(item->count, 11u);
+  EXPECT_NE(item->detail.find("2 gaps, the longest 0.055 s, the first after 2.495 s"), std::string::npos)
+      << item->detail;
+  EXPECT_EQ(recording->samples(), 2000u);
+  EXPECT_FALSE(recording->is_valid(500));
+  EXPECT_TRUE(recording->is_valid(499));
+  EXPECT_TRUE(recording->is_valid(501));
+  EXPECT_EQ(find_quality(*recording, "jitter"), nullptr);
+}
+
+TEST(Prepare, RefusesATimeBaseThatNoGridDescribes) {
+  RawRecording mostly_missing = recorded(step_command(), 4);
+  for (std::size_t i = 1000; i < 2000; ++i) mostly_missing.time.values[i] += 1e6;
+  EXPECT_EQ(prepared(mostly_missing).error().code, "irregular_time");
+
+  RawRecording random = recorded(step_command(), 4);
+  std::mt19937 generator(1);
+  std::exponential_distribution<double> wait(200);
+  double now = 0;
+  for (double& stamp : random.time.values) stamp = now += wait(generator) + 1e-6;
+  EXPECT_EQ(prepared(random).error().code, "irregular_time");
+}
+
+TEST(Prepare, RefusesWhatCannotBeAnalysed) {
+  RawRecording back = recorded(step_command(), 1);
+  back.time.values[700] = back.time.values[699];
+  EXPECT_EQ(prepared(back).error().code, "time_not_increasing");
+  EXPECT_EQ(prepared(back).error().file, "valve.csv");
+
+  RawRecording nan = recorded(step_command(), 1);
+  nan.output.values[3] = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(prepared(nan).error().code, "not_finite");
+
+  RawRecording short_column = recorded(step_command(), 1);
+  short_column.output.values.pop_back();
+  EXPECT_EQ(prepared(short_column).error().code, "ragged_columns");
+
+  EXPECT_EQ(prepared(raw_of({}, {})).error().code, "no_samples");
+  EXPECT_EQ(prepared(raw_of(triangle_of(kMinSamples - 1, 10), Signal(kMinSamples - 1, 0))).error().code,
+            "too_few_samples");
+  EXPECT_TRUE(prepared(raw_of(triangle_of(kMinSamples, 10), response_of(triangle_of(kMinSamples, 10)))));
+}
+
+TEST(Prepare, RefusesAConstantInputNoisyOrNot) {
+  EXPECT_EQ(prepared(raw_of(Signal(500, 1.4), triangle_of(500, 100))).error().code, "constant_input");
+  for (unsigned seed = 0; seed < 20; ++seed) {
+    EXPECT_EQ(prepared(recorded(Signal(4000, 1.4), seed)).error().code, "constant_input") << "seed " << seed;
+  }
+  EXPECT_TRUE(prepared(recorded(steps_of({1.4, 1.41}, 400), 1)));
+}
+
+TEST(Prepare, TakesTheTestOfTheMetadataBeforeItsOwn) {
+  RawRecording raw = recorded(step_command(), 1);
+  raw.metadata.test = "other";
+  EXPECT_EQ(prepared(raw)->test, TestKind::kOther);
+  EXPECT_FALSE(prepared(raw)->test_inferred);
+}
+
+}  // namespace
+}  // namespace valvetriage
