@@ -6,6 +6,7 @@
 #include <array>
 #include <charconv>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <optional>
 #include <string_view>
@@ -32,6 +33,24 @@ std::string_view without_carriage_return(std::string_view line) {
   return line;
 }
 
+/// In blocks whose counts fit a byte, which the compiler turns into vector code: many times faster than std::count.
+std::size_t count_newlines(std::string_view text) {
+  constexpr std::size_t kBlock = 32 * 255;
+  std::size_t total = 0;
+  for (std::size_t begin = 0; begin < text.size(); begin += kBlock) {
+    const std::string_view block = text.substr(begin, kBlock);
+    std::array<std::uint8_t, 32> counts{};
+    std::size_t i = 0;
+    for (; i + counts.size() <= block.size(); i += counts.size()) {
+      for (std::size_t k = 0; k < counts.size(); ++k)
+        counts[k] = static_cast<std::uint8_t>(counts[k] + (block[i + k] == '\n'));
+    }
+    for (const std::uint8_t count : counts) total += count;
+    for (; i < block.size(); ++i) total += block[i] == '\n';
+  }
+  return total;
+}
+
 /// Reads a text once to its end and goes back to its start. Nothing where the source cannot be read twice.
 Result<std::optional<std::size_t>> count_lines(ByteSource& source) {
   if (!source.rewind()) return std::nullopt;
@@ -41,7 +60,7 @@ Result<std::optional<std::size_t>> count_lines(ByteSource& source) {
     const auto got = source.read(buffer);
     if (!got) return tl::unexpected(got.error());
     if (*got == 0) break;
-    lines += static_cast<std::size_t>(std::count(buffer.data(), buffer.data() + *got, '\n'));
+    lines += count_newlines({buffer.data(), *got});
   }
   if (!source.rewind()) return fail("cannot_read", "the input cannot be read a second time");
   return lines;
@@ -105,7 +124,8 @@ class CsvParser {
   const char* read_plain_row(const char* at, const char* end);
   Result<void> read_any_row(std::string_view text);
   Result<double> read_number(std::string_view field, std::size_t column);
-  Result<void> keep_row();
+  bool keep_row();
+  Error bad_row() const;
   void reserve(std::size_t rows);
   Error row_error(std::string code, std::size_t column, std::string_view found, std::string expected,
                   std::string_view sentence) const;
@@ -118,8 +138,10 @@ class CsvParser {
   std::size_t expected_rows_ = 0;
   std::vector<std::string> names_;  ///< of the header; empty before it
   std::vector<PlannedColumn> plan_;
-  std::vector<int> place_;   ///< per file column: index into row_, or kSkipped
-  std::vector<double> row_;  ///< numbers of the row being read, in the plan's order
+  std::vector<int> place_;                     ///< per file column: index into row_, or kSkipped
+  std::vector<double> row_;                    ///< numbers of the row being read, in the plan's order
+  std::vector<std::vector<double>*> targets_;  ///< of the plan's channels, in its order
+  bool has_time_ = false;
   std::size_t rows_ = 0;
   char separator_ = ',';
   char decimal_ = '.';  ///< '\0' while no number of the file has shown it
@@ -211,27 +233,30 @@ Result<void> CsvParser::read_any_row(std::string_view text) {
   return tl::unexpected(error);
 }
 
-Result<void> CsvParser::keep_row() {
+/// Why a row of numbers cannot follow the rows before it.
+Error CsvParser::bad_row() const {
   for (std::size_t i = 0; i < plan_.size(); ++i) {
-    if (!std::isfinite(row_[i])) {
-      return tl::unexpected(row_error("not_finite", plan_[i].index, fmt::format("{}", row_[i]), "a finite number",
-                                      "is not a finite number"));
-    }
+    if (std::isfinite(row_[i])) continue;
+    return row_error("not_finite", plan_[i].index, fmt::format("{}", row_[i]), "a finite number",
+                     "is not a finite number");
   }
-  if (plan_.front().role == ColumnRole::kTime) {
-    if (row_.front() <= last_time_) {
-      return tl::unexpected(row_error("time_not_increasing", plan_.front().index, fmt::format("{}", row_.front()),
-                                      fmt::format("a time after {}", last_time_),
-                                      fmt::format("does not come after {}", last_time_)));
-    }
+  if (rows_ == kMaxRows) return at_line(fail("too_large", fmt::format("more than {} rows", kMaxRows)).value(), line_);
+  return row_error("time_not_increasing", plan_.front().index, fmt::format("{}", row_.front()),
+                   fmt::format("a time after {}", last_time_), fmt::format("does not come after {}", last_time_));
+}
+
+bool CsvParser::keep_row() {
+  double finite = 0;  // x - x is 0 for a finite x and NaN for any other
+  for (const double value : row_) finite += value - value;
+  if (finite != 0 || rows_ == kMaxRows) return false;
+  if (has_time_) {
+    if (row_.front() <= last_time_) return false;
     last_time_ = row_.front();
   }
-  if (rows_ == kMaxRows) {
-    return tl::unexpected(at_line(fail("too_large", fmt::format("more than {} rows", kMaxRows)).value(), line_));
-  }
-  for (std::size_t i = 0; i < plan_.size(); ++i) plan_[i].channel.values.push_back(row_[i]);
+  const double* value = row_.data();
+  for (std::vector<double>* target : targets_) target->push_back(*value++);
   ++rows_;
-  return {};
+  return true;
 }
 
 Result<void> CsvParser::read_rows(const char* at, const char* end) {
@@ -251,7 +276,7 @@ Result<void> CsvParser::read_rows(const char* at, const char* end) {
       if (auto row = read_any_row(text); !row) return row;
     }
     at = next;
-    if (auto kept = keep_row(); !kept) return kept;
+    if (!keep_row()) return tl::unexpected(bad_row());
   }
   return {};
 }
@@ -284,6 +309,8 @@ Result<void> CsvParser::read_header(std::string_view text) {
   place_.assign(names_.size(), kSkipped);
   for (std::size_t i = 0; i < plan_.size(); ++i) place_[plan_[i].index] = static_cast<int>(i);
   row_.assign(plan_.size(), 0.0);
+  for (PlannedColumn& column : plan_) targets_.push_back(&column.channel.values);
+  has_time_ = plan_.front().role == ColumnRole::kTime;
   reserve(expected_rows_ > line_ ? expected_rows_ - line_ : 0);
   return {};
 }

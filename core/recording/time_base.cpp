@@ -77,8 +77,8 @@ Result<Grid> find_grid(const Channel& channel) {
 /// Whether the stamps are those of a uniform clock written with few digits: all intervals have one of two lengths.
 bool are_rounded(const std::vector<double>& time, double period_s) {
   const std::vector<double> intervals = intervals_of(time);
-  const auto [shortest, longest] = std::ranges::minmax(intervals);
-  const double resolution = longest - shortest;
+  const double shortest = std::ranges::min(intervals);
+  const double resolution = std::ranges::max(intervals) - shortest;
   if (resolution > 0.5 * period_s) return false;
   return std::ranges::all_of(intervals, [&](double interval) {
     const double above = interval - shortest;

@@ -144,9 +144,9 @@ class RecordingEvents : public nlohmann::json_sax<nlohmann::json> {
       case Place::kTop:
         return "/" + pointer_token(key_);
       case Place::kMetadata:
-        return "/metadata/" + pointer_token(key_);
+        return key_.empty() ? "/metadata" : "/metadata/" + pointer_token(key_);
       case Place::kColumns:
-        return "/columns/" + pointer_token(key_);
+        return key_.empty() ? "/columns" : "/columns/" + pointer_token(key_);
       case Place::kColumn:
         return fmt::format("/columns/{}/{}", pointer_token(key_), count_);
     }
@@ -192,6 +192,7 @@ class RecordingEvents : public nlohmann::json_sax<nlohmann::json> {
     if (seen) return refuse("duplicate_key", key_, "each key once");
     seen = true;
     place_ = key_ == "metadata" ? Place::kMetadata : Place::kColumns;
+    key_.clear();
     return true;
   }
 

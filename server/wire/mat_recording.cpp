@@ -56,6 +56,12 @@ class AnonymousFile {
       }
     }
   }
+  /// What the file starts with: its text, or the mark of HDF5.
+  std::string head() const {
+    std::string bytes(32, '\0');
+    const ssize_t got = ::pread(descriptor_, bytes.data(), bytes.size(), 0);
+    return bytes.substr(0, static_cast<std::size_t>(std::max<ssize_t>(got, 0)));
+  }
   std::string path() const { return fmt::format("/proc/self/fd/{}", descriptor_); }
 
  private:
@@ -221,11 +227,11 @@ Result<Variables> read_variables(mat_t* file, const ColumnMapping& mapping) {
 Result<RawRecording> parse(ByteSource& source, const std::string& name, const ColumnMapping& mapping) {
   AnonymousFile bytes;
   if (auto taken = bytes.take(source); !taken) return tl::unexpected(taken.error());
+  if (!bytes.head().starts_with("MATLAB 5.")) {
+    return mat_error("mat_version", "", "another version, v7.3 perhaps", "a v5 file; save it with '-v7'");
+  }
   const MatFile file(Mat_Open(bytes.path().c_str(), MAT_ACC_RDONLY), &Mat_Close);
   if (!file) return mat_error("malformed_mat", "", "a damaged head", "a MAT v5 file");
-  if (Mat_GetVersion(file.get()) != MAT_FT_MAT5) {
-    return mat_error("mat_version", "", "a v7.3 or v4 file", "a v5 file; save with '-v7'");
-  }
   auto variables = read_variables(file.get(), mapping);
   if (!variables) return tl::unexpected(variables.error());
   auto plan = plan_columns(variables->names, mapping);

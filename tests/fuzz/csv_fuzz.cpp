@@ -6,7 +6,7 @@
 
 #include "core/recording/metadata.h"
 #include "core/recording/prepare.h"
-#include "server/wire/byte_source.h"
+#include "tests/unit/recording/csv_text.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace valvetriage;
@@ -15,7 +15,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   for (const ColumnMapping& mapping :
        {ColumnMapping{},
         ColumnMapping{.time = "t", .input = "u", .output = "y", .side = {"s"}, .sample_rate_hz = {}}}) {
-    MemorySource source(text);
+    TextSource source{std::string(text)};
     auto raw = parse_csv(source, "fuzz.csv", mapping);
     if (!raw) {
       if (raw.error().code.empty() || raw.error().message.empty()) std::abort();
