@@ -1,0 +1,130 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <memory>
+
+#include "server/commands/commands.h"
+#include "server/commands/documents.h"
+#include "server/commands/recording_options.h"
+#include "server/commands/rule_base.h"
+#include "server/jobs/analyze_session.h"
+
+namespace valvetriage {
+namespace {
+
+struct AnalyzeArguments {
+  std::vector<std::string> files;
+  std::string reference;
+  std::string baseline;
+  std::string rule_base;
+  bool json = false;
+  RecordingOptions recording;
+};
+
+std::string or_dash(const std::optional<double>& value, int decimals) {
+  return value ? fmt::format("{:.{}f}", *value, decimals) : "-";
+}
+
+std::string verdict_line(const ClassificationResult& classification) {
+  const std::string why = classification.explanation.empty() ? "" : fmt::format(": {}", classification.explanation);
+  if (classification.verdict) return fmt::format("{} ({}){}", *classification.verdict, classification.action, why);
+  return fmt::format("no verdict ({}){}", classification.action, why);
+}
+
+void append_levels(const Analysis& analysis, const std::string& unit, std::string& page) {
+  if (analysis.simulation.by_level.empty()) return;
+  const std::string rate = unit.empty() ? "" : unit + "/s";
+  page += fmt::format("\n{:<9} {:<13} {:<22} {:<8} {}\n", "level A", "Eq 20 " + rate, "settling error " + unit,
+                      "rise s", "verdict");
+  for (const LevelFigures& level : analysis.simulation.by_level) {
+    const auto& judged = analysis.classification.per_level;
+    const auto verdict = std::find_if(judged.begin(), judged.end(), [&](const LevelVerdict& candidate) {
+      return candidate.level == level_name(level.level_a);
+    });
+    page += fmt::format("{:<9.3f} {:<13} {:<22} {:<8} {}\n", level.level_a, or_dash(level.error_eq20, 3),
+                        or_dash(level.settling_error, 3), or_dash(level.rise_time_s, 4),
+                        verdict == judged.end() ? "" : verdict->verdict);
+  }
+}
+
+void append_recordings(const Analysis& analysis, std::string& page) {
+  std::vector<std::size_t> by_name(analysis.recordings.size());
+  for (std::size_t i = 0; i < by_name.size(); ++i) by_name[i] = i;
+  std::sort(by_name.begin(), by_name.end(),
+            [&](std::size_t a, std::size_t b) { return analysis.recordings[a].name < analysis.recordings[b].name; });
+  page += "\n";
+  for (const std::size_t i : by_name) {
+    const RecordingSummary& recording = analysis.recordings[i];
+    const RecordingFigures& figures = analysis.simulation.per_recording[i];
+    page += fmt::format("{}: {}, {} samples at {:.6g} Hz, rmse {:.4g}, fit {:.2f} %\n", recording.name,
+                        to_string(recording.test), recording.samples, recording.sample_rate_hz, figures.rmse,
+                        figures.fit_percent);
+    for (const QualityItem& item : recording.quality) {
+      page += fmt::format("  {} ({}): {}\n", item.code, item.count, item.detail);
+    }
+  }
+}
+
+/// One page for a person: the verdict and why, the figures, what is odd about the recordings.
+std::string page_of(const Analysis& analysis) {
+  const std::string& unit = analysis.baseline.model.output_unit;
+  std::string page = fmt::format("Verdict     {}\n", verdict_line(analysis.classification));
+  page += fmt::format("Baseline    {}: {}\n", to_string(analysis.baseline.kind), analysis.baseline.reason);
+  page += fmt::format("Simulation  rmse {:.4g} {}, noise floor {:.4g} {}, fit {:.2f} %\n", analysis.simulation.rmse,
+                      unit, analysis.simulation.noise_floor, unit, analysis.simulation.fit_percent);
+  append_levels(analysis, unit, page);
+  append_recordings(analysis, page);
+  return page;
+}
+
+Result<AnalysisOptions> analysis_options(const AnalyzeArguments& arguments) {
+  AnalysisOptions options;
+  options.baseline = baseline_kind_from(arguments.baseline);
+  if (!arguments.reference.empty()) {
+    auto reference = open_reference(arguments.reference);
+    if (!reference) return tl::unexpected(reference.error());
+    options.reference = std::move(*reference);
+  }
+  if (!arguments.rule_base.empty()) {
+    auto rule_base = open_rule_base(arguments.rule_base);
+    if (!rule_base) return tl::unexpected(rule_base.error());
+    options.rule_base = std::move(*rule_base);
+  }
+  return options;
+}
+
+ExitStatus run(const AnalyzeArguments& arguments) {
+  const auto options = analysis_options(arguments);
+  if (!options) return ended_by(options.error());
+  const auto reading = read_options(arguments.recording);
+  if (!reading) return ended_by(reading.error());
+  auto recordings = read_recordings(arguments.files, *reading);
+  if (!recordings) return ended_by(recordings.error());
+  const auto session = analyze_session(std::move(*recordings), *options, reading->mapping);
+  if (!session) return ended_by(session.error());
+  const auto written =
+      write_output("", arguments.json ? dump_json(session->document, true) + "\n" : page_of(session->analysis));
+  return written ? kDone : ended_by(written.error());
+}
+
+}  // namespace
+
+void add_analyze_command(CLI::App& app, int& exit_status) {
+  CLI::App* verb = app.add_subcommand(
+      "analyze", "Good, Malfunctioned or Severe: one valve's recordings together, compared with good valves");
+  auto arguments = std::make_shared<AnalyzeArguments>();
+  verb->add_option("FILE", arguments->files, "Recordings of one valve: CSV, JSON or MAT, also .gz and .zst")
+      ->required();
+  verb->add_option("--reference", arguments->reference, "Good valves of this type, from `reference learn`");
+  verb->add_option("--baseline", arguments->baseline,
+                   "Compare with the valve's own fit (self) or the paper's linear model (paper) instead")
+      ->check(CLI::IsMember({"self", "paper"}));
+  verb->add_option("--rule-base", arguments->rule_base,
+                   "What turns errors into a verdict: a file from `rule-base learn`, or paper, or calibrated");
+  verb->add_flag("--json", arguments->json, "Print the whole result as JSON (schemas/analysis.schema.json)");
+  add_column_options(*verb, arguments->recording);
+  add_metadata_options(*verb, arguments->recording);
+  verb->callback([arguments, &exit_status] { exit_status = run(*arguments); });
+}
+
+}  // namespace valvetriage

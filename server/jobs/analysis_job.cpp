@@ -1,0 +1,104 @@
+#include "server/jobs/analysis_job.h"
+
+#include <fmt/format.h>
+
+#include "core/recording/columns.h"
+#include "server/jobs/analyze_session.h"
+#include "server/wire/json_fields.h"
+#include "server/wire/reference_json.h"
+#include "server/wire/rule_base_json.h"
+
+namespace valvetriage {
+namespace {
+
+/// What the upload asked for.
+struct JobOptions {
+  ColumnMapping mapping;
+  std::optional<BaselineKind> baseline;
+};
+
+Result<JobOptions> job_options(const std::string& options_json) {
+  const auto document = parse_json(options_json);
+  if (!document) return tl::unexpected(document.error());
+  std::optional<Error> error;
+  JsonFields fields(*document, "", error);
+  auto mapping = parse_column_mapping(fields.text_or("columns", ""));
+  if (!mapping) return tl::unexpected(mapping.error());
+  JobOptions options{.mapping = std::move(*mapping), .baseline = std::nullopt};
+  options.mapping.sample_rate_hz = fields.optional_number("sample_rate_hz");
+  if (fields.has("baseline")) options.baseline = baseline_kind_from(fields.text("baseline"));
+  if (error) return tl::unexpected(*error);
+  return options;
+}
+
+Result<AnalysisOptions> analysis_options(const JobSpec& spec, std::optional<BaselineKind> baseline) {
+  AnalysisOptions options;
+  options.baseline = baseline;
+  if (spec.reference_json) {
+    auto reference = parse_json(*spec.reference_json).and_then(reference_from_json);
+    if (!reference) return tl::unexpected(reference.error());
+    options.reference = std::move(*reference);
+  }
+  if (spec.rule_base_json) {
+    auto rule_base = rule_base_from_json(*spec.rule_base_json);
+    if (!rule_base) return tl::unexpected(rule_base.error());
+    options.rule_base = std::move(*rule_base);
+  }
+  return options;
+}
+
+Result<ReadRecording> read_file(const JobFile& file, const Labels& labels, const ColumnMapping& mapping) {
+  ReadOptions options;
+  options.name = file.name;
+  options.mapping = mapping;
+  options.metadata.serial = labels.serial;
+  options.metadata.lot = labels.lot;
+  options.metadata.valve_type = labels.valve_type;
+  options.metadata.condition = labels.condition;
+  options.metadata.stand = labels.stand;
+  options.metadata.test = file.test;
+  options.allow_mat = true;  // the child is there so that nothing a file does can reach the server
+  auto read = read_recording_file(file.path, options);
+  if (!read && read.error().code == "cannot_read") read.error().code = kPassingFault;
+  return read;
+}
+
+AnalysisSummary summary_of(const Analysis& analysis) {
+  const ClassificationResult& classification = analysis.classification;
+  AnalysisSummary summary;
+  summary.verdict = classification.verdict;
+  if (classification.reason) summary.reason = to_string(*classification.reason);
+  summary.action = classification.action;
+  for (const LevelFigures& level : analysis.simulation.by_level) {
+    if (level.error_eq20) summary.errors.push_back({.level_a = level.level_a, .error_eq20 = *level.error_eq20});
+  }
+  return summary;
+}
+
+}  // namespace
+
+Result<NewAnalysis> run_analysis_job(const JobSpec& spec, const ReportProgress& progress) {
+  const auto asked = job_options(spec.options_json);
+  if (!asked) return tl::unexpected(asked.error());
+  const auto options = analysis_options(spec, asked->baseline);
+  if (!options) return tl::unexpected(options.error());
+
+  std::vector<ReadRecording> recordings;
+  for (const JobFile& file : spec.files) {
+    const double done = static_cast<double>(recordings.size()) / static_cast<double>(spec.files.size());
+    progress(0.5 * done, fmt::format("reading {}", file.name));
+    auto read = read_file(file, spec.labels, asked->mapping);
+    if (!read) return tl::unexpected(read.error());
+    recordings.push_back(std::move(*read));
+  }
+  progress(0.5, "analysing");
+  const auto session = analyze_session(std::move(recordings), *options, asked->mapping);
+  if (!session) return tl::unexpected(session.error());
+  return NewAnalysis{.engine_version = VALVETRIAGE_VERSION,
+                     .settings_sha256 = session->document["engine"]["settings_sha256"].get<std::string>(),
+                     .result_sha256 = session->document["result_sha256"].get<std::string>(),
+                     .summary = summary_of(session->analysis),
+                     .body_json = dump_json(session->document)};
+}
+
+}  // namespace valvetriage
