@@ -65,17 +65,19 @@ Result<Baseline> choose_baseline(std::span<const Recording> recordings, const An
 }
 
 ValvePrior prior_of(const Reference& reference) {
-  const auto dynamic = static_cast<Eigen::Index>(reference.parameters.size());
-  Eigen::VectorXd mean(dynamic);
-  for (Eigen::Index j = 0; j < dynamic; ++j) mean(j) = reference.parameters[static_cast<std::size_t>(j)].mean;
-  const Eigen::Index p = dynamic + static_cast<Eigen::Index>(reference.map_sd.size());
+  const auto parameters = static_cast<Eigen::Index>(reference.parameters.size());
+  const auto& knots = reference.model.map->output;
+  const auto p = parameters + static_cast<Eigen::Index>(knots.size());
+  ValvePrior prior{.mean = Eigen::VectorXd(p)};
+  for (Eigen::Index j = 0; j < parameters; ++j) prior.mean(j) = reference.parameters[static_cast<std::size_t>(j)].mean;
+  prior.mean.tail(p - parameters) = Eigen::Map<const Eigen::VectorXd>(knots.data(), p - parameters);
   // A Student t with few degrees of freedom is wider than its scale: the normal prior takes its variance where that
   // exists, and the uncertainty of a mean over n valves on top.
   const double n = reference.valves;
   const double dof = reference.prior_degrees_of_freedom;
   const double widen = (dof > 2 ? dof / (dof - 2) : 10.0) * (1 + 1 / n);
-  return {to_dynamics(mean), *reference.model.map,
-          widen * Eigen::Map<const Eigen::MatrixXd>(reference.covariance.data(), p, p)};
+  prior.covariance = widen * Eigen::Map<const Eigen::MatrixXd>(reference.covariance.data(), p, p);
+  return prior;
 }
 
 /// Samples whose input the reference never saw take no part in the fit and are reported.
@@ -110,11 +112,11 @@ Result<FreeRuns> run_reference(std::span<const Recording> recordings, Analysis& 
   }
   ValveFitOptions options;
   options.knots = reference.model.map->input;
-  options.order = static_cast<int>(reference.parameters.size()) - 1;
+  options.reference_psi = reference.model.volume ? reference.model.volume->reference_psi : 0;
   options.prior = prior_of(reference);
   auto fit = fit_valve(kept, options);
   if (!fit) return tl::unexpected(fit.error());
-  analysis.baseline.model = to_model(*fit);
+  analysis.baseline.model = to_model(fit->parameters, fit->map);
 
   FreeRuns runs{.baseline = std::move(fit->simulated)};
   for (const Recording& recording : recordings) {

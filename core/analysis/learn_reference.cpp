@@ -20,9 +20,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr int kHighestOrder = 4;
-// A higher order must take this share off the free-run rms to be worth its parameters' spread.
-constexpr double kOrderPays = 0.01;
+constexpr Index kParameters = static_cast<Index>(kValveParameters.size());
 constexpr double kOutlierSignificance = 1e-3;
 // Default Eq 20 window: what every step of the population covers, but no more than a slow valve needs to settle.
 constexpr double kLongestWindow_s = 2.0;
@@ -38,9 +36,9 @@ struct Member {
 };
 
 VectorXd parameter_vector(const ValveFit& fit) {
-  const VectorXd dynamics = to_vector(canonical(fit.dynamics));
-  VectorXd vector(dynamics.size() + static_cast<Index>(fit.map.output.size()));
-  vector << dynamics, Eigen::Map<const VectorXd>(fit.map.output.data(), static_cast<Index>(fit.map.output.size()));
+  const auto knots = static_cast<Index>(fit.map.output.size());
+  VectorXd vector(kParameters + knots);
+  vector << to_vector(fit.parameters), Eigen::Map<const VectorXd>(fit.map.output.data(), knots);
   return vector;
 }
 
@@ -52,21 +50,6 @@ Result<ValveFit> fit_member(const ValveRecordings& valve, const ValveFitOptions&
     return tl::unexpected(error);
   }
   return fit;
-}
-
-/// The smallest order that no higher one beats by much, judged on one valve.
-Result<ValveFit> choose_order(const ValveRecordings& valve, ValveFitOptions& options) {
-  Result<ValveFit> best = fail("no_fit", "no order was tried");
-  for (int order = 2; order <= kHighestOrder; ++order) {
-    ValveFitOptions tried = options;
-    tried.order = order;
-    auto fit = fit_member(valve, tried);
-    if (!fit) return fit;
-    if (best && fit->rmse > best->rmse * (1 - kOrderPays)) break;
-    options.order = order;
-    best = std::move(fit);
-  }
-  return best;
 }
 
 std::vector<const Member*> used_members(const std::vector<Member>& members, const Member* without = nullptr) {
@@ -83,27 +66,28 @@ VectorXd mean_of(const std::vector<const Member*>& members) {
   return mean / static_cast<double>(members.size());
 }
 
-/// Figures by which a valve is compared with the others: dynamics, ln rms, and the map at a handful of inputs.
-VectorXd outlier_figures(const Member& member, Index dynamic) {
+/// Figures by which a valve is compared with the others: its parameters, ln rms, and the map at a handful of inputs.
+VectorXd outlier_figures(const Member& member) {
   constexpr Index kMapFigures = 6;
-  const Index knots = member.vector.size() - dynamic;
-  VectorXd figures(dynamic + 1 + kMapFigures);
-  figures.head(dynamic) = member.vector.head(dynamic);
-  figures(dynamic) = std::log(std::max(member.fit.rmse, 1e-12));
-  for (Index k = 0; k < kMapFigures; ++k)
-    figures(dynamic + 1 + k) = member.vector(dynamic + k * (knots - 1) / (kMapFigures - 1));
+  const Index knots = member.vector.size() - kParameters;
+  VectorXd figures(kParameters + 1 + kMapFigures);
+  figures.head(kParameters) = member.vector.head(kParameters);
+  figures(kParameters) = std::log(std::max(member.fit.rmse, 1e-12));
+  for (Index k = 0; k < kMapFigures; ++k) {
+    figures(kParameters + 1 + k) = member.vector(kParameters + k * (knots - 1) / (kMapFigures - 1));
+  }
   return figures;
 }
 
 /// Externally studentized distance of one member from the others: the largest over its figures.
-double studentized_distance(const Member& member, const std::vector<const Member*>& others, Index dynamic) {
-  const VectorXd own = outlier_figures(member, dynamic);
+double studentized_distance(const Member& member, const std::vector<const Member*>& others) {
+  const VectorXd own = outlier_figures(member);
   const double n = static_cast<double>(others.size());
   double largest = 0;
   for (Index j = 0; j < own.size(); ++j) {
     double mean = 0, square = 0;
-    for (const Member* other : others) mean += outlier_figures(*other, dynamic)(j) / n;
-    for (const Member* other : others) square += std::pow(outlier_figures(*other, dynamic)(j) - mean, 2);
+    for (const Member* other : others) mean += outlier_figures(*other)(j) / n;
+    for (const Member* other : others) square += std::pow(outlier_figures(*other)(j) - mean, 2);
     const double sd = std::sqrt(square / (n - 1) * (1 + 1 / n));
     if (sd > 0) largest = std::max(largest, std::abs(own(j) - mean) / sd);
   }
@@ -111,19 +95,19 @@ double studentized_distance(const Member& member, const std::vector<const Member
 }
 
 /// Leaves out, one at a time, the valve that is least like the others, while it is beyond doubt.
-void point_out_outliers(std::vector<Member>& members, Index dynamic) {
+void point_out_outliers(std::vector<Member>& members) {
   for (;;) {
     Member* worst = nullptr;
     for (Member& member : members) {
       if (!member.used) continue;
       const auto others = used_members(members, &member);
       if (others.size() < 2) return;
-      member.distance = studentized_distance(member, others, dynamic);
+      member.distance = studentized_distance(member, others);
       if (!worst || member.distance > worst->distance) worst = &member;
     }
     const auto used = static_cast<double>(used_members(members).size());
     if (used <= kFewestReferenceValves) return;
-    const double figures = static_cast<double>(outlier_figures(*worst, dynamic).size());
+    const double figures = static_cast<double>(outlier_figures(*worst).size());
     const boost::math::students_t student(used - 2);
     const double limit =
         boost::math::quantile(boost::math::complement(student, kOutlierSignificance / (2 * used * figures)));
@@ -150,18 +134,12 @@ MatrixXd shrunk_covariance(const std::vector<const Member*>& members, const Vect
   return covariance;
 }
 
-StaticMap map_of(const VectorXd& vector, Index dynamic, const std::vector<double>& knots) {
-  const VectorXd outputs = vector.tail(vector.size() - dynamic);
+Model model_of(const VectorXd& vector, const ValveFitOptions& options) {
+  const VectorXd outputs = vector.tail(vector.size() - kParameters);
   const std::vector<double> values(outputs.data(), outputs.data() + outputs.size());
   const std::vector<double> weights(values.size(), 1.0);
-  return {knots, monotone_regression(values, weights)};
-}
-
-Model model_of(const VectorXd& vector, Index dynamic, const std::vector<double>& knots) {
-  ValveFit fit;
-  fit.dynamics = to_dynamics(vector.head(dynamic));
-  fit.map = map_of(vector, dynamic, knots);
-  return to_model(fit);
+  return to_model(to_parameters(vector.head(kParameters), options.reference_psi),
+                  {options.knots, monotone_regression(values, weights)});
 }
 
 Eq20Window default_window(const std::vector<const Member*>& members) {
@@ -205,11 +183,11 @@ LevelSums& sums_at(std::vector<LevelSums>& all, double level) {
 }
 
 /// What each good valve leaves against the mean of the others, level by level.
-Result<std::vector<LevelPopulation>> level_populations(const std::vector<Member>& members, Index dynamic,
-                                                       const std::vector<double>& knots, const Eq20Window& window) {
+Result<std::vector<LevelPopulation>> level_populations(const std::vector<Member>& members,
+                                                       const ValveFitOptions& options, const Eq20Window& window) {
   std::vector<LevelSums> all;
   for (const Member* member : used_members(members)) {
-    const Model others = model_of(mean_of(used_members(members, member)), dynamic, knots);
+    const Model others = model_of(mean_of(used_members(members, member)), options);
     for (std::size_t r = 0; r < member->valve->recordings.size(); ++r) {
       const Recording& recording = member->valve->recordings[r];
       const auto steps = rising_steps(recording, r);
@@ -234,24 +212,12 @@ Result<std::vector<LevelPopulation>> level_populations(const std::vector<Member>
   return levels;
 }
 
-std::vector<PopulationParameter> describe(const VectorXd& mean, const MatrixXd& covariance, Index dynamic) {
+std::vector<PopulationParameter> describe(const VectorXd& mean, const MatrixXd& covariance) {
   std::vector<PopulationParameter> parameters;
-  for (Index j = 0; j < dynamic; ++j) {
-    PopulationParameter parameter{.transform = "log", .mean = mean(j), .sd = std::sqrt(covariance(j, j))};
-    if (j == 0) {
-      parameter.name = "natural_frequency_rad_s";
-      parameter.unit = "rad/s";
-    } else if (j == 1) {
-      parameter.name = "damping_ratio";
-    } else if (j == dynamic - 1) {
-      parameter.name = "delay_s";
-      parameter.unit = "s";
-      parameter.transform = "linear";
-    } else {
-      parameter.name = fmt::format("time_constant_{}_s", j - 1);
-      parameter.unit = "s";
-    }
-    parameters.push_back(std::move(parameter));
+  for (Index j = 0; j < kParameters; ++j) {
+    const ValveParameterInfo& info = kValveParameters[static_cast<std::size_t>(j)];
+    parameters.push_back({std::string(info.name), std::string(info.unit), info.logarithmic ? "log" : "linear", mean(j),
+                          std::sqrt(covariance(j, j))});
   }
   return parameters;
 }
@@ -281,6 +247,26 @@ void describe_recordings(const std::vector<const Member*>& members, Reference& r
   reference.tests.assign(tests.begin(), tests.end());
 }
 
+/// Knots that cover every valve, and one pressure at which all time constants are quoted.
+Result<ValveFitOptions> common_options(std::span<const ValveRecordings> valves) {
+  ValveFitOptions options;
+  for (const ValveRecordings& valve : valves) {
+    auto knots = map_knots(valve.recordings);
+    if (!knots) return tl::unexpected(knots.error());
+    if (options.knots.empty()) options.knots = *knots;
+    if (knots->front() < options.knots.front()) {
+      const auto beyond = std::lower_bound(knots->begin(), knots->end(), options.knots.front());
+      options.knots.insert(options.knots.begin(), knots->begin(), beyond);
+    }
+    if (knots->back() > options.knots.back()) {
+      const auto beyond = std::upper_bound(knots->begin(), knots->end(), options.knots.back());
+      options.knots.insert(options.knots.end(), beyond, knots->end());
+    }
+    options.reference_psi += reference_pressure(valve.recordings) / static_cast<double>(valves.size());
+  }
+  return options;
+}
+
 }  // namespace
 
 Result<Reference> learn_reference(std::span<const ValveRecordings> valves, const std::string& valve_type) {
@@ -289,29 +275,19 @@ Result<Reference> learn_reference(std::span<const ValveRecordings> valves, const
                 fmt::format("a reference needs at least {} good valves, here {} {}", kFewestReferenceValves,
                             valves.size() == 1 ? "is" : "are", valves.size()));
   }
-  std::vector<Recording> all;
-  ValveFitOptions options;
-  for (const ValveRecordings& valve : valves) {
-    auto knots = map_knots(valve.recordings);
-    if (!knots) return tl::unexpected(knots.error());
-    if (options.knots.empty()) options.knots = *knots;
-    while (knots->front() < options.knots.front() - 1e-9)
-      options.knots.insert(options.knots.begin(), 2 * options.knots[0] - options.knots[1]);
-    while (knots->back() > options.knots.back() + 1e-9)
-      options.knots.push_back(2 * options.knots.back() - options.knots[options.knots.size() - 2]);
-  }
+  auto options = common_options(valves);
+  if (!options) return tl::unexpected(options.error());
 
   std::vector<Member> members;
   for (const ValveRecordings& valve : valves) {
-    auto fit = members.empty() ? choose_order(valve, options) : fit_member(valve, options);
+    auto fit = fit_member(valve, *options);
     if (!fit) return tl::unexpected(fit.error());
     Member member{.valve = &valve, .fit = std::move(*fit)};
     member.vector = parameter_vector(member.fit);
-    if (members.empty()) options.start = member.fit.dynamics;
+    if (!options->start) options->start = member.fit.parameters;
     members.push_back(std::move(member));
   }
-  const Index dynamic = options.order + 1;
-  point_out_outliers(members, dynamic);
+  point_out_outliers(members);
   const auto used = used_members(members);
   const VectorXd mean = mean_of(used);
   const MatrixXd covariance = shrunk_covariance(used, mean);
@@ -323,14 +299,14 @@ Result<Reference> learn_reference(std::span<const ValveRecordings> valves, const
     reference.members.push_back({member.valve->serial, static_cast<int>(member.valve->recordings.size()),
                                  member.fit.rmse, member.distance, member.used});
   }
-  reference.model = model_of(mean, dynamic, options.knots);
-  reference.parameters = describe(mean, covariance, dynamic);
-  for (Index k = dynamic; k < mean.size(); ++k) reference.map_sd.push_back(std::sqrt(covariance(k, k)));
+  reference.model = model_of(mean, *options);
+  reference.parameters = describe(mean, covariance);
+  for (Index k = kParameters; k < mean.size(); ++k) reference.map_sd.push_back(std::sqrt(covariance(k, k)));
   reference.covariance.assign(covariance.data(), covariance.data() + covariance.size());
   reference.prior_degrees_of_freedom = static_cast<double>(used.size() - 1);
   describe_recordings(used, reference);
   reference.window = default_window(used);
-  auto levels = level_populations(members, dynamic, options.knots, reference.window);
+  auto levels = level_populations(members, *options, reference.window);
   if (!levels) return tl::unexpected(levels.error());
   reference.levels = std::move(*levels);
   return reference;

@@ -20,7 +20,7 @@ inline constexpr int kFewestReferenceValves = 3;
 
 /// Learns what good valves of one type have in common, and how far they differ.
 ///
-/// Every valve is fitted on its own (fit_valve, one order for all); mean and covariance over valves make the
+/// Every valve is fitted on its own (fit_valve); mean and covariance over valves make the
 /// population. With few valves the covariance is shrunk towards its diagonal (1 / valves of the way at least) and
 /// stands for a Student t with valves − 1 degrees of freedom. A valve that differs from the others (externally
 /// studentized, at a significance of 0.001 over all valves and figures) is pointed out and left out, as long as three

@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "core/model/magnetic_loop.h"
+#include "core/model/orifice_volume.h"
 #include "core/model/static_map.h"
 #include "core/model/transfer_function.h"
 #include "core/recording/intersample.h"
@@ -13,20 +15,22 @@
 
 namespace valvetriage {
 
-/// What `simulate` runs and an Analysis stores: input delay -> static map (or affine) -> linear dynamics -> offset.
+/// What `simulate` runs and an Analysis stores.
 ///
-///   v(t) = map(u(t − delay))        or  u(t) itself where there is no map
-///   y(t) = G v(t) + output_offset
+///   linear   y(t) = G (u − input_offset) + output_offset
+///   valve    u → magnetic loop → G (delay and spool, static gain 1) → static map → volume → + output_offset
 ///
-/// With a map, `dynamics` has static gain 1 and the map carries the unit; without, G carries gain and delay, and
-/// `input_offset` is subtracted from u (the operating point of an affine baseline).
+/// The valve's blocks stand in the order of the physics: coil and magnet, spool, orifice, fluid volume. The map carries
+/// the unit; loop and volume may be absent. Linear models carry gain and delay in G.
 struct Model {
   std::string kind;                     ///< "valve" (map) or "linear"
   std::string input_unit, output_unit;  ///< "A", "psi" or ""
-  std::optional<StaticMap> map;
+  std::optional<MagneticLoop> loop;
   TransferFunction dynamics;  ///< s or z domain; delay lives here
-  double input_offset = 0;    ///< unit of the input
-  double output_offset = 0;   ///< unit of the output
+  std::optional<StaticMap> map;
+  std::optional<OrificeVolume> volume;
+  double input_offset = 0;   ///< unit of the input
+  double output_offset = 0;  ///< unit of the output
 };
 
 /// How a free run starts.
@@ -54,7 +58,8 @@ enum class Horizon : std::uint8_t { kUnbounded, kFinite };
 /// returns  one value per grid sample of the recording, unit of the output
 /// Errors   `unstable` by name and modulus of the offending pole; `no_continuous_equivalent`, `fractional_delay` for a
 ///          sample time that the model cannot be brought to; `overflow` where a finite horizon was too long
-/// Cost     O(n · order), nothing allocated per sample; a pure function
+/// Cost     O(n · order), nothing allocated per sample; a pure function. kMeasured runs the first samples once per
+/// state
 Result<std::vector<double>> simulate(const Model& model, const Recording& recording, const InitialState& initial,
                                      Horizon horizon = Horizon::kUnbounded);
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
+#include <limits>
 
 #include "core/model/linear_filter.h"
 #include "core/model/model.h"
@@ -55,46 +56,65 @@ Result<LinearFilter> filter_for(const TransferFunction& g, double period_s) {
   return LinearFilter::sampled(*continuous, period_s);
 }
 
-IntervalSignal driving_signal(const Model& model, IntervalSignal signal) {
+/// What enters G: the loop's output for a valve, the input about its operating point otherwise.
+IntervalSignal driving_signal(const Model& model, const IntervalSignal& input) {
+  if (model.loop) return model.loop->apply(input, loop_driver(input));
+  IntervalSignal signal = input;
   for (std::vector<double>* side : {&signal.start, &signal.end}) {
-    if (model.map) {
-      model.map->apply(*side);
-    } else {
-      for (double& u : *side) u -= model.input_offset;
-    }
+    for (double& u : *side) u -= model.input_offset;
   }
   return signal;
 }
 
-/// Moves `state` by the least-squares fit of its free response to the first measured outputs; the smallest move where
-/// they do not determine it.
-void fit_initial_state(const LinearFilter& filter, const IntervalSignal& v, std::span<const double> measured,
-                       double output_offset, FilterState& state) {
+/// Where a free run starts: the states of G, and how far the volume is from its steady pressure.
+struct StartState {
+  FilterState filter;
+  double volume_gap = 0;
+};
+
+/// The response from a state on, as many samples as `y` has.
+void respond(const Model& model, const LinearFilter& filter, const IntervalSignal& v, StartState from,
+             double sample_period_s, std::span<double> y) {
+  filter.run(from.filter, std::span(v.start).first(y.size()), std::span(v.end).first(y.size()), y);
+  if (model.map) model.map->apply(y);
+  if (model.volume && !y.empty()) run_volume(*model.volume, sample_period_s, y[0] + from.volume_gap, y, y);
+  for (double& value : y) value += model.output_offset;
+}
+
+/// Moves `start` by least squares towards the first measured outputs; the smallest move where they do not determine it.
+/// Exact in one step for a linear model, Gauss-Newton for a valve.
+void fit_start(const Model& model, const LinearFilter& filter, const IntervalSignal& v,
+               std::span<const double> measured, double sample_period_s, StartState& start) {
   const std::size_t samples = std::min(measured.size(), v.start.size());
   const auto order = static_cast<Index>(filter.order());
-  if (samples == 0 || order == 0) return;
-  std::vector<double> response(samples);
-  FilterState forced = state;
-  filter.run(forced, std::span(v.start).first(samples), std::span(v.end).first(samples), response);
-  Eigen::MatrixXd free = Eigen::MatrixXd::Zero(static_cast<Index>(samples), order);
-  Eigen::VectorXd gap = Eigen::VectorXd::Zero(static_cast<Index>(samples));
-  for (std::size_t i = 0; i < samples; ++i) {
-    if (std::isfinite(measured[i])) gap[static_cast<Index>(i)] = measured[i] - output_offset - response[i];
-  }
-  const std::vector<double> silence(samples, 0.0);
-  for (Index j = 0; j < order; ++j) {
-    FilterState unit = filter.rest();
-    unit.x[static_cast<std::size_t>(j)] = 1;
-    filter.run(unit, silence, silence, response);
-    for (std::size_t i = 0; i < samples; ++i) {
-      if (std::isfinite(measured[i])) free(static_cast<Index>(i), j) = response[i];
+  const Index states = order + (model.volume ? 1 : 0);
+  if (samples == 0 || states == 0) return;
+  const auto moved = [&](StartState from, const Eigen::VectorXd& by) {
+    for (Index j = 0; j < order; ++j) from.filter.x[static_cast<std::size_t>(j)] += by[j];
+    if (model.volume) from.volume_gap += by[order];
+    return from;
+  };
+  std::vector<double> response(samples), shifted(samples);
+  const int iterations = model.map ? 6 : 1;
+  for (int iteration = 0; iteration < iterations; ++iteration) {
+    respond(model, filter, v, start, sample_period_s, response);
+    Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(static_cast<Index>(samples), states);
+    Eigen::VectorXd gap = Eigen::VectorXd::Zero(static_cast<Index>(samples));
+    for (Index j = 0; j < states; ++j) {
+      const double probe =
+          model.map && j < order ? 1e-5 : 1.0;  // [A] of the map's input; a valve is nearly linear there
+      respond(model, filter, v, moved(start, probe * Eigen::VectorXd::Unit(states, j)), sample_period_s, shifted);
+      for (std::size_t i = 0; i < samples; ++i) {
+        if (!std::isfinite(measured[i])) continue;
+        gap[static_cast<Index>(i)] = measured[i] - response[i];
+        columns(static_cast<Index>(i), j) = (shifted[i] - response[i]) / probe;
+      }
     }
+    // States differ by powers of the sampling rate: compare their effects on the output, not their numbers.
+    const Eigen::VectorXd scale = columns.colwise().norm().cwiseMax(std::numeric_limits<double>::min());
+    const Eigen::MatrixXd scaled = columns * scale.cwiseInverse().asDiagonal();
+    start = moved(start, scaled.completeOrthogonalDecomposition().solve(gap).cwiseQuotient(scale));
   }
-  // Chain states differ by powers of the sampling rate: compare their effects on the output, not their numbers.
-  const Eigen::VectorXd scale = free.colwise().norm().cwiseMax(std::numeric_limits<double>::min());
-  const Eigen::MatrixXd scaled = free * scale.cwiseInverse().asDiagonal();
-  const Eigen::VectorXd move = scaled.completeOrthogonalDecomposition().solve(gap).cwiseQuotient(scale);
-  for (Index j = 0; j < order; ++j) state.x[static_cast<std::size_t>(j)] += move[j];
 }
 
 }  // namespace
@@ -109,16 +129,15 @@ Result<std::vector<double>> simulate(const Model& model, const IntervalSignal& i
   if (input.start.empty()) return std::vector<double>{};
 
   const IntervalSignal v = driving_signal(model, input);
-  FilterState state = filter->steady(v.start.front()).value_or(filter->rest());
-  state.past = v.start.front();
+  StartState start{.filter = filter->steady(v.start.front()).value_or(filter->rest())};
+  start.filter.past = v.start.front();
   if (initial.kind == InitialState::Kind::kMeasured) {
-    fit_initial_state(*filter, v, measured.first(std::min(initial.samples, measured.size())), model.output_offset,
-                      state);
+    const auto first = measured.first(std::min(initial.samples, measured.size()));
+    fit_start(model, *filter, v, first, sample_period_s, start);
   }
   std::vector<double> y(v.start.size());
-  filter->run(state, v.start, v.end, y);
+  respond(model, *filter, v, start, sample_period_s, y);
   for (std::size_t i = 0; i < y.size(); ++i) {
-    y[i] += model.output_offset;
     if (!std::isfinite(y[i])) {
       return fail("overflow", fmt::format("the simulation leaves the range of numbers at sample {}", i));
     }

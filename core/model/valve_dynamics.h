@@ -9,7 +9,7 @@
 
 namespace valvetriage {
 
-/// Dynamics of a valve between its static map and its sensor, static gain 1:
+/// Dynamics of a valve's coil and spool, between current and the orifice's opening, static gain 1:
 ///
 ///   G(s) = e^(−s delay) / ((s/ωn)² + 2 ζ s/ωn + 1) / Π (τ_i s + 1)
 ///

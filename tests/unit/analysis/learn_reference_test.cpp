@@ -11,15 +11,15 @@ namespace {
 
 constexpr double kNoise_psi = 0.35;
 
-/// Good valves with a spread of 5 % in frequency, 2 % in scale, 0.3 ms in delay.
+/// Good valves with a spread of 5 % in the volume's time constant, 2 % in scale, 0.3 ms in delay.
 std::vector<ValveRecordings> population(int valves, unsigned seed) {
   std::mt19937 random(seed);
   std::normal_distribution<double> normal;
   std::vector<ValveRecordings> good;
   for (int i = 0; i < valves; ++i) {
     test::MadeValve valve;
-    valve.dynamics.natural_frequency_rad_s *= std::exp(0.05 * normal(random));
-    valve.dynamics.delay_s += 0.0003 * normal(random);
+    valve.parameters.volume.time_constant_s *= std::exp(0.05 * normal(random));
+    valve.parameters.spool.delay_s += 0.0003 * normal(random);
     valve.scale *= std::exp(0.02 * normal(random));
     good.push_back(
         {"GOOD-" + std::to_string(i + 1), test::session(valve, kNoise_psi, seed + 100u * static_cast<unsigned>(i))});
@@ -35,9 +35,10 @@ const Reference& eight() {
 TEST(LearnReference, FindsTheMeanOfThePopulation) {
   const Reference& reference = eight();
   EXPECT_EQ(reference.valves, 8);
-  ASSERT_EQ(reference.parameters.size(), 3u);
+  ASSERT_EQ(reference.parameters.size(), kValveParameters.size());
   // Standard error of a mean over eight: 5 % / √8 and 0.3 ms / √8; four allowed.
-  EXPECT_NEAR(reference.parameters[0].mean, std::log(38.0), 4 * 0.05 / std::sqrt(8.0));
+  EXPECT_EQ(reference.parameters[4].name, "volume_time_constant_s");
+  EXPECT_NEAR(reference.parameters[4].mean, std::log(0.06), 4 * 0.05 / std::sqrt(8.0));
   EXPECT_NEAR(reference.parameters[2].mean, 0.0072, 4 * 0.0003 / std::sqrt(8.0));
   EXPECT_EQ(reference.parameters[2].name, "delay_s");
   EXPECT_NEAR((*reference.model.map)(1.6), test::MadeValve{}.map(1.6), 4 * 0.02 * 110 / std::sqrt(8.0) + 0.2);
@@ -45,8 +46,8 @@ TEST(LearnReference, FindsTheMeanOfThePopulation) {
 
 TEST(LearnReference, FindsTheSpreadOfThePopulation) {
   // A standard deviation from eight has a relative standard error of 27 %; a factor of 2.3 covers four of them.
-  EXPECT_GT(eight().parameters[0].sd, 0.05 / 2.3);
-  EXPECT_LT(eight().parameters[0].sd, 0.05 * 2.3);
+  EXPECT_GT(eight().parameters[4].sd, 0.05 / 2.3);
+  EXPECT_LT(eight().parameters[4].sd, 0.05 * 2.3);
 }
 
 TEST(LearnReference, KnowsWhatItSaw) {
@@ -74,7 +75,7 @@ TEST(LearnReference, TheCovarianceIsPositiveDefinite) {
 TEST(LearnReference, PointsOutABadValveAmongTheGoodAndLeavesItOut) {
   auto valves = population(8, 5);
   test::MadeValve slow;
-  slow.dynamics.natural_frequency_rad_s /= 6;
+  slow.parameters.volume.time_constant_s *= 6;
   valves[3] = {"BAD", test::session(slow, kNoise_psi, 999)};
   const auto reference = learn_reference(valves, "type-1");
   ASSERT_TRUE(reference);

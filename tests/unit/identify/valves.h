@@ -11,9 +11,12 @@
 
 namespace valvetriage::test {
 
-/// A made-up valve of exactly the fitted structure: smooth map, second-order dynamics, delay.
+/// A made-up valve of exactly the fitted structure: magnetic loop, spool, smooth map, volume.
 struct MadeValve {
-  ValveDynamics dynamics{.delay_s = 0.0072, .natural_frequency_rad_s = 38, .damping_ratio = 1.2};
+  ValveParameters parameters{
+      .spool = {.delay_s = 0.0072, .natural_frequency_rad_s = 120, .damping_ratio = 0.9},
+      .loop_width_a = 0.006,
+      .volume = {.time_constant_s = 0.06, .exponent = 0.5, .supply_psi = 480, .reference_psi = 105}};
   double scale = 1;  ///< of the map
 
   double map(double current_a) const {
@@ -34,13 +37,15 @@ inline Recording played(const MadeValve& valve, TestKind test, const std::vector
   recording.segments = std::move(segments);
   recording.output.values.resize(current.size());
   for (std::size_t i = 0; i < current.size(); ++i) recording.time_s.push_back(static_cast<double>(i) * 0.005);
-  IntervalSignal through = input_between_samples(recording);
-  for (double& v : through.start) v = valve.map(v);
-  for (double& v : through.end) v = valve.map(v);
-  SampledValveDynamics(valve.dynamics, 0.005).run(through, recording.output.values);
+  const IntervalSignal input = input_between_samples(recording);
+  const MagneticLoop loop{.width_a = valve.parameters.loop_width_a};
+  std::vector<double>& y = recording.output.values;
+  SampledValveDynamics(valve.parameters.spool, 0.005).run(loop.apply(input, loop_driver(input)), y);
+  for (double& v : y) v = valve.map(v);
+  run_volume(valve.parameters.volume, 0.005, y.front(), y, y);
   std::mt19937 random(seed);
   std::normal_distribution<double> normal;
-  for (double& y : recording.output.values) y += noise * normal(random);
+  for (double& sample : y) sample += noise * normal(random);
   return recording;
 }
 

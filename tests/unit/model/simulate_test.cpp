@@ -42,7 +42,7 @@ TEST(Simulate, StartsSteadyAtTheFirstInputAndHoldsStepCommands) {
   }
 }
 
-TEST(Simulate, SendsTheInputThroughTheMapBeforeTheDynamics) {
+TEST(Simulate, SendsTheInputThroughTheMapBehindTheDynamics) {
   Model m = lag_model(0.02);
   m.dynamics.gain /= 50;
   m.map = StaticMap{.input = {1.2, 1.4, 1.6}, .output = {3.1, 26, 120}};

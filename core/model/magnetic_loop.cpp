@@ -1,0 +1,62 @@
+#include "core/model/magnetic_loop.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace valvetriage {
+namespace {
+
+constexpr double kGateInDeviations = 3.0;
+
+/// Standard deviation of the input's white noise. The lower quartile of third differences is used, so that the fast part
+/// of a sweep and the edges of steps do not count.
+double input_noise(const std::vector<double>& u) {
+  if (u.size() < 8) return 0;
+  std::vector<double> size;
+  size.reserve(u.size());
+  for (std::size_t i = 3; i < u.size(); ++i) size.push_back(std::abs(u[i] - 3 * u[i - 1] + 3 * u[i - 2] - u[i - 3]));
+  const auto quartile = size.begin() + static_cast<std::ptrdiff_t>(size.size() / 4);
+  std::nth_element(size.begin(), quartile, size.end());
+  constexpr double kQuartileOfNormal = 0.3186;  // of |z|
+  return *quartile / kQuartileOfNormal / std::sqrt(20.0);
+}
+
+}  // namespace
+
+std::vector<double> loop_driver(const IntervalSignal& input) {
+  const double gate = kGateInDeviations * input_noise(input.start);
+  std::vector<double> driver(input.start.size());
+  double at = input.start.empty() ? 0 : input.start.front();
+  for (std::size_t i = 0; i < driver.size(); ++i) {
+    at = std::clamp(at, input.start[i] - gate, input.start[i] + gate);
+    driver[i] = at;
+  }
+  return driver;
+}
+
+IntervalSignal MagneticLoop::apply(const IntervalSignal& input, std::span<const double> driver) const {
+  IntervalSignal x = input;
+  if (width_a == 0) return x;
+  std::array<double, kThresholds_a.size()> stop{};
+  for (std::size_t k = 0; k < stop.size(); ++k) stop[k] = memory * kThresholds_a[k];
+  const double share = 0.5 * width_a / static_cast<double>(stop.size());
+  double previous = driver.empty() ? 0 : driver.front();
+  const std::size_t n = input.start.size();
+  double held_back = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    const double move = driver[i] - previous;
+    previous = driver[i];
+    held_back = 0;
+    for (std::size_t k = 0; k < stop.size(); ++k) {
+      stop[k] = std::clamp(stop[k] + move, -kThresholds_a[k], kThresholds_a[k]);
+      held_back += share * stop[k] / kThresholds_a[k];
+    }
+    x.start[i] -= held_back;
+    // A ramp ends where the next sample starts; a held command ends as it began.
+    if (i > 0 && input.end[i - 1] == input.start[i]) x.end[i - 1] = x.start[i];
+    x.end[i] -= held_back;
+  }
+  return x;
+}
+
+}  // namespace valvetriage

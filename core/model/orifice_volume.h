@@ -1,0 +1,43 @@
+#pragma once
+
+#include <span>
+#include <vector>
+
+namespace valvetriage {
+
+/// A fluid volume between a variable supply orifice and a fixed drain orifice, written by the steady pressure m that the
+/// spool's position asks for:
+///
+///   dp/dt = κ [ ((P_s − p) / (P_s − m))^n φ(m) − φ(p) ],   φ(p) = (p + ε)^n − ε^n for p ≥ 0, its tangent below
+///
+/// At p = m nothing flows, whatever n. n = 1/2 is turbulent flow (Bernoulli's orifice), n = 1 laminar, and with P_s far
+/// above a plain first-order lag. κ is set so that the small-signal time constant at the reference pressure is
+/// `time_constant_s`: settling is fast at low pressure and slow at mid pressure, and differs up and down.
+/// ε = 1 psi: every orifice is laminar at small drops (Borutzky, Control Eng. Practice 10 (2002) 1253).
+/// Source: Merritt, Hydraulic Control Systems (1967), chapters 3 and 5.
+struct OrificeVolume {
+  double time_constant_s = 0;  ///< > 0, at reference_psi [s]
+  double exponent = 0.5;       ///< n of flow over pressure drop, 0.2 to 1.5
+  double supply_psi = 0;       ///< P_s, above every steady pressure [psi]
+  double reference_psi = 0;    ///< where the time constant holds [psi]
+
+  bool operator==(const OrificeVolume&) const = default;
+};
+
+/// How small changes travel from one sample to the next: δp_{i+1} = keep[i] δp_i + pass[i] (δm_i + δm_{i+1}).
+struct VolumeTangent {
+  std::vector<double> keep;
+  std::vector<double> pass;
+};
+
+/// Pressure in the volume at each sample, from `first_psi` on.
+///
+/// steady    m at each sample, linear between [psi]
+/// pressure  as many values, may be the same memory as steady
+/// tangent   filled where not null
+/// Cost      O(n), six powers per sample, nothing allocated; an exponential midpoint rule, second order in the sampling
+///           period and stable for every time constant
+void run_volume(const OrificeVolume& volume, double sample_period_s, double first_psi, std::span<const double> steady,
+                std::span<double> pressure, VolumeTangent* tangent = nullptr);
+
+}  // namespace valvetriage
