@@ -133,7 +133,7 @@ Result<FreeRuns> run_fitted(std::span<const Recording> recordings, Analysis& ana
   if (!fitted) return tl::unexpected(fitted.error());
   analysis.baseline.model = fitted->model;
   FreeRuns runs;
-  if (!fitted->identification.stable) {
+  if (fitted->simulated.empty()) {
     runs.unstable = true;
     return runs;
   }

@@ -56,7 +56,7 @@ std::map<std::string, double> named(const Memberships& memberships) {
   for (const Verdict verdict : kVerdicts) {
     std::string name(to_string(verdict));
     name.front() = static_cast<char>(name.front() - 'A' + 'a');
-    by_name[name] = memberships[static_cast<std::size_t>(verdict)];
+    by_name[name] = memberships[index_of(verdict)];
   }
   return by_name;
 }

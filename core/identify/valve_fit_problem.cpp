@@ -199,8 +199,9 @@ double ValveFitProblem::penalty(const VectorXd& v) const {
   double sum = d.dot(precision_ * d);
   for (std::size_t r = 0; r < prepared_.size(); ++r) {
     const auto s = v.segment<kStarts>(start_at(r));
-    sum += (s(kSpoolRate) * s(kSpoolRate) + s(kSpoolPosition) * s(kSpoolPosition)) / (kSpoolStartSd_a * kSpoolStartSd_a) +
-           std::pow(s(kPressureGap) / kPressureStartSd_psi, 2) + std::pow(s(kMemory) / kMemorySd, 2);
+    sum +=
+        (s(kSpoolRate) * s(kSpoolRate) + s(kSpoolPosition) * s(kSpoolPosition)) / (kSpoolStartSd_a * kSpoolStartSd_a) +
+        std::pow(s(kPressureGap) / kPressureStartSd_psi, 2) + std::pow(s(kMemory) / kMemorySd, 2);
   }
   return sum;
 }
@@ -314,7 +315,8 @@ void ValveFitProblem::accumulate(const VectorXd& v, std::size_t recording, Norma
 
   const double weight = prepared_[recording].inverse_variance;
   const Index starts = start_at(recording);
-  normal.a.topLeftCorner(shared(), shared()).triangularView<Eigen::Lower>() += weight * a.topLeftCorner(shared(), shared());
+  normal.a.topLeftCorner(shared(), shared()).triangularView<Eigen::Lower>() +=
+      weight * a.topLeftCorner(shared(), shared());
   normal.a.block(starts, 0, kStarts, shared()) += weight * a.bottomLeftCorner(kStarts, shared());
   normal.a.block(starts, starts, kStarts, kStarts).triangularView<Eigen::Lower>() +=
       weight * a.bottomRightCorner(kStarts, kStarts);

@@ -51,7 +51,9 @@ class ValveFitProblem {
     VolumeTangent tangent;
   };
 
-  Eigen::Index start_at(std::size_t recording) const { return shared() + kStarts * static_cast<Eigen::Index>(recording); }
+  Eigen::Index start_at(std::size_t recording) const {
+    return shared() + kStarts * static_cast<Eigen::Index>(recording);
+  }
   StaticMap map_of(const Eigen::VectorXd& v) const;
   void run_spool(const Eigen::VectorXd& v, std::size_t recording, std::vector<double>& position) const;
   Run run(const Eigen::VectorXd& v, std::size_t recording, bool tangents) const;

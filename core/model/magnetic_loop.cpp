@@ -8,8 +8,8 @@ namespace {
 
 constexpr double kGateInDeviations = 3.0;
 
-/// Standard deviation of the input's white noise. The lower quartile of third differences is used, so that the fast part
-/// of a sweep and the edges of steps do not count.
+/// Standard deviation of the input's white noise. The lower quartile of third differences is used, so that the fast
+/// part of a sweep and the edges of steps do not count.
 double input_noise(const std::vector<double>& u) {
   if (u.size() < 8) return 0;
   std::vector<double> size;

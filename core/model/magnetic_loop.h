@@ -12,8 +12,9 @@ namespace valvetriage {
 ///
 ///   x = u − (width/2) mean_k(E_k / r_k),   E_k ← clamp(E_k + Δu, −r_k, r_k)
 ///
-/// Four stop operators E_k with thresholds r_k spread over two decades of reversal; on a long way one way every E_k sits
-/// at its bound and the loop is `width` wide. Source: Kuhnen, Eur. J. Control 9 (2003) 407; good valves have one too.
+/// Four stop operators E_k with thresholds r_k spread over two decades of reversal; on a long way one way every E_k
+/// sits at its bound and the loop is `width` wide. Source: Kuhnen, Eur. J. Control 9 (2003) 407; good valves have one
+/// too.
 ///
 /// The memory is driven by the input without its noise: noise on a hold would walk through it and demagnetise it. The
 /// driver follows the input only when it leaves a band of three noise standard deviations.

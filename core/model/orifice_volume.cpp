@@ -57,7 +57,9 @@ class Law {
 };
 
 /// (1 − e^(−x)) / x, its limit 1 at 0.
-double relaxed(double x) { return std::abs(x) < 1e-9 ? 1.0 : -std::expm1(-x) / x; }
+double relaxed(double x) {
+  return std::abs(x) < 1e-9 ? 1.0 : -std::expm1(-x) / x;
+}
 
 }  // namespace
 

@@ -5,8 +5,8 @@
 
 namespace valvetriage {
 
-/// A fluid volume between a variable supply orifice and a fixed drain orifice, written by the steady pressure m that the
-/// spool's position asks for:
+/// A fluid volume between a variable supply orifice and a fixed drain orifice, written by the steady pressure m that
+/// the spool's position asks for:
 ///
 ///   dp/dt = κ [ ((P_s − p) / (P_s − m))^n φ(m) − φ(p) ],   φ(p) = (p + ε)^n − ε^n for p ≥ 0, its tangent below
 ///

@@ -87,6 +87,7 @@ Json to_json(const Baseline& baseline) {
 Json to_json(const LevelFigures& level) {
   return Json{{"level_A", finite_or_null(level.level_a)},
               {"error_eq20", finite_or_null(level.error_eq20)},
+              {"error_eq20_own_fit", finite_or_null(level.error_eq20_own)},
               {"settling_error", finite_or_null(level.settling_error)},
               {"rise_time_s", finite_or_null(level.rise_time_s)}};
 }
@@ -102,6 +103,7 @@ Json to_json(const Simulation& simulation) {
   return Json{{"rmse", finite_or_null(simulation.rmse)},
               {"fit_percent", finite_or_null(simulation.fit_percent)},
               {"noise_floor", finite_or_null(simulation.noise_floor)},
+              {"window", Json{{"rate_hz", simulation.window.rate_hz}, {"duration_s", simulation.window.duration_s}}},
               {"by_level", list_to_json(simulation.by_level, to_json)},
               {"per_recording", list_to_json(simulation.per_recording, to_json)}};
 }
@@ -176,9 +178,12 @@ Simulation simulation_from_json(JsonFields fields) {
   simulation.rmse = number_or_nan(fields, "rmse");
   simulation.fit_percent = number_or_nan(fields, "fit_percent");
   simulation.noise_floor = number_or_nan(fields, "noise_floor");
+  JsonFields window = fields.object("window");
+  simulation.window = {.rate_hz = window.number("rate_hz"), .duration_s = window.number("duration_s")};
   for (JsonFields& level : fields.objects("by_level")) {
     simulation.by_level.push_back({.level_a = number_or_nan(level, "level_A"),
                                    .error_eq20 = level.optional_number("error_eq20"),
+                                   .error_eq20_own = level.optional_number("error_eq20_own_fit"),
                                    .settling_error = level.optional_number("settling_error"),
                                    .rise_time_s = level.optional_number("rise_time_s")});
   }

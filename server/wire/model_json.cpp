@@ -77,6 +77,26 @@ StaticMap map_from_json(JsonFields fields) {
   return map;
 }
 
+MagneticLoop loop_from_json(JsonFields fields) {
+  MagneticLoop loop{.width_a = fields.number("width_A")};
+  if (loop.width_a < 0) fields.refuse("width_A", "out_of_range", "a loop's width cannot be negative");
+  return loop;
+}
+
+OrificeVolume volume_from_json(JsonFields fields) {
+  OrificeVolume volume{.time_constant_s = fields.number("time_constant_s"),
+                       .exponent = fields.number("exponent"),
+                       .supply_psi = fields.number("supply_psi"),
+                       .reference_psi = fields.number("reference_psi")};
+  if (!fields.ok()) return volume;
+  if (!(volume.time_constant_s > 0)) fields.refuse("time_constant_s", "out_of_range", "a time constant is positive");
+  if (!(volume.exponent > 0)) fields.refuse("exponent", "out_of_range", "the flow exponent is positive");
+  if (!(volume.reference_psi > 0 && volume.reference_psi < volume.supply_psi)) {
+    fields.refuse("reference_psi", "out_of_range", "the reference pressure lies between 0 and the supply pressure");
+  }
+  return volume;
+}
+
 /// What an `identify` result says about a model: a linear system and the operating point it was fitted around.
 Model from_identify_result(JsonFields fields) {
   Model model;
@@ -116,14 +136,23 @@ TransferFunction transfer_function_from_json(JsonFields fields) {
 }
 
 Json to_json(const Model& model) {
-  Json map = nullptr;
+  Json loop = nullptr, map = nullptr, volume = nullptr;
+  if (model.loop) loop = Json{{"width_A", model.loop->width_a}};
+  if (model.volume) {
+    volume = Json{{"time_constant_s", model.volume->time_constant_s},
+                  {"exponent", model.volume->exponent},
+                  {"supply_psi", model.volume->supply_psi},
+                  {"reference_psi", model.volume->reference_psi}};
+  }
   if (model.map) map = Json{{"input", model.map->input}, {"output", model.map->output}};
   return Json{{"schema", "valvetriage.model/1"},
               {"kind", model.kind},
               {"input_unit", model.input_unit},
               {"output_unit", model.output_unit},
-              {"map", map},
+              {"loop", loop},
               {"transfer_function", to_json(model.dynamics)},
+              {"map", map},
+              {"volume", volume},
               {"input_offset", model.input_offset},
               {"output_offset", model.output_offset}};
 }
@@ -137,6 +166,8 @@ Model model_from_json(JsonFields fields) {
   model.input_unit = fields.text("input_unit");
   model.output_unit = fields.text("output_unit");
   if (fields.has("map")) model.map = map_from_json(fields.object("map"));
+  if (fields.has("loop")) model.loop = loop_from_json(fields.object("loop"));
+  if (fields.has("volume")) model.volume = volume_from_json(fields.object("volume"));
   if (model.kind == "valve" && !model.map) fields.refuse("map", "missing_field", "a valve's model needs its map");
   model.dynamics = transfer_function_from_json(fields.object("transfer_function"));
   model.input_offset = fields.number_or("input_offset", 0);

@@ -54,7 +54,8 @@ TEST(MagneticLoop, IsNotDemagnetisedByNoiseOnAHold) {
   for (double& current : u) current += 0.0005 * normal(random);
   const auto x = run({.width_a = 0.01}, u);
   const double kept = (u[250] - x[250]) - (u[3999] - x[3999]);
-  // The gate of three deviations lets one sample in 370 through, by a fraction of a deviation: under a tenth of the loop.
+  // The gate of three deviations lets one sample in 370 through, by a fraction of a deviation: under a tenth of the
+  // loop.
   EXPECT_NEAR(kept, 0, 0.0005);
 }
 

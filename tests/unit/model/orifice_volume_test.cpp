@@ -10,7 +10,8 @@ namespace {
 constexpr double kPeriod_s = 0.005;
 constexpr OrificeVolume kTurbulent{.time_constant_s = 0.06, .exponent = 0.5, .supply_psi = 480, .reference_psi = 105};
 
-std::vector<double> run(const OrificeVolume& volume, double first, const std::vector<double>& steady, double period = kPeriod_s) {
+std::vector<double> run(const OrificeVolume& volume, double first, const std::vector<double>& steady,
+                        double period = kPeriod_s) {
   std::vector<double> p(steady.size());
   run_volume(volume, period, first, steady, p);
   return p;
@@ -23,7 +24,8 @@ TEST(OrificeVolume, StaysWhereItIsSteady) {
 }
 
 TEST(OrificeVolume, SettlesAtTheSteadyPressureFromBothSides) {
-  for (const double first : {0.0, 210.0}) EXPECT_NEAR(run(kTurbulent, first, std::vector<double>(1000, 120.0)).back(), 120, 1e-6);
+  for (const double first : {0.0, 210.0})
+    EXPECT_NEAR(run(kTurbulent, first, std::vector<double>(1000, 120.0)).back(), 120, 1e-6);
 }
 
 TEST(OrificeVolume, ASmallStepAtTheReferenceTakesItsTimeConstant) {
@@ -54,8 +56,8 @@ TEST(OrificeVolume, ConvergesWithTheSamplingAtSecondOrder) {
   };
   const double exact = end(64);
   const double coarse = std::abs(end(1) - exact);
-  EXPECT_LT(coarse, 0.175);                            // half the noise, on a ramp faster than any valve
-  EXPECT_LT(std::abs(end(2) - exact), 0.4 * coarse);   // second order would be a quarter
+  EXPECT_LT(coarse, 0.175);                           // half the noise, on a ramp faster than any valve
+  EXPECT_LT(std::abs(end(2) - exact), 0.4 * coarse);  // second order would be a quarter
 }
 
 TEST(OrificeVolume, ItsTangentIsTheDifferenceOfTwoRuns) {

@@ -79,7 +79,12 @@ inline Model model(bool with_map) {
   m.kind = with_map ? "valve" : "linear";
   m.input_unit = with_map ? "A" : "";
   m.output_unit = with_map ? "psi" : "";
-  if (with_map) m.map = static_map();
+  if (with_map) {
+    m.map = static_map();
+    m.loop = MagneticLoop{.width_a = positive()};
+    const double reference = positive();
+    m.volume = OrificeVolume{positive(), positive(), reference + positive(), reference};
+  }
   m.dynamics = transfer_function();
   m.input_offset = number();
   m.output_offset = number();
