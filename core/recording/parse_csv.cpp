@@ -108,6 +108,33 @@ class FieldSplitter {
   std::string unquoted_;
 };
 
+/// A plain decimal of at most 15 digits, at `at` in a text that ends in '\n'; the place after it, nullptr for any other
+/// number. Digits and power of ten are exact doubles, so one division gives the correctly rounded value, the one that
+/// std::from_chars gives (Clinger 1990), in less time.
+inline const char* read_short_decimal(const char* at, double& value) {
+  constexpr std::ptrdiff_t kExactDigits = 15;
+  constexpr std::array<double, kExactDigits + 1> kPowerOfTen{1e0, 1e1, 1e2,  1e3,  1e4,  1e5,  1e6,  1e7,
+                                                             1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15};
+  const auto is_digit = [](char c) { return c >= '0' && c <= '9'; };
+  const bool negative = *at == '-';
+  at += negative;
+  std::uint64_t digits = 0;
+  const char* const whole = at;
+  for (; is_digit(*at); ++at) digits = 10 * digits + static_cast<std::uint64_t>(*at - '0');
+  if (at == whole) return nullptr;
+  std::ptrdiff_t count = at - whole, decimals = 0;
+  if (*at == '.') {
+    const char* const fraction = ++at;
+    for (; is_digit(*at); ++at) digits = 10 * digits + static_cast<std::uint64_t>(*at - '0');
+    decimals = at - fraction;
+    count += decimals;
+  }
+  if (count > kExactDigits || *at == 'e' || *at == 'E') return nullptr;
+  const double magnitude = static_cast<double>(digits) / kPowerOfTen[static_cast<std::size_t>(decimals)];
+  value = negative ? -magnitude : magnitude;
+  return at;
+}
+
 class CsvParser {
  public:
   CsvParser(ByteSource& source, const std::string& name, const ColumnMapping& mapping)
@@ -164,21 +191,29 @@ Error CsvParser::row_error(std::string code, std::size_t column, std::string_vie
 /// A row of nothing but plain decimal numbers, which almost every row is. The row is in row_ and the place after its
 /// end is returned; nullptr where anything needs a closer look, be it an error or a quote.
 const char* CsvParser::read_plain_row(const char* at, const char* end) {
-  const std::size_t columns = place_.size();
-  for (std::size_t column = 0; column < columns; ++column) {
-    const char stop = column + 1 == columns ? '\n' : separator_;
-    if (place_[column] == kSkipped) {
-      while (*at >= ' ' && *at < 0x7F && *at != separator_ && *at != '"') ++at;
+  const char separator = separator_;
+  double* const row = row_.data();
+  const int* place = place_.data();
+  const int* const last = place + place_.size() - 1;
+  for (;; ++place) {
+    if (*place == kSkipped) {
+      while (*at >= ' ' && *at < 0x7F && *at != separator && *at != '"') ++at;
     } else {
-      const auto [next, problem] = std::from_chars(at, end, row_[static_cast<std::size_t>(place_[column])]);
-      if (problem != std::errc{}) return nullptr;
+      double value = 0;
+      const char* next = read_short_decimal(at, value);
+      if (next == nullptr) {
+        const auto [after, problem] = std::from_chars(at, end, value);
+        if (problem != std::errc{}) return nullptr;
+        next = after;
+      }
+      row[*place] = value;
       at = next;
     }
-    if (*at == '\r' && stop == '\n') ++at;
-    if (*at != stop) return nullptr;
-    ++at;
+    if (place == last) break;
+    if (*at++ != separator) return nullptr;
   }
-  return at;
+  if (*at == '\r') ++at;
+  return *at == '\n' ? at + 1 : nullptr;
 }
 
 Result<double> CsvParser::read_number(std::string_view field, std::size_t column) {
@@ -245,16 +280,15 @@ Error CsvParser::bad_row() const {
                    fmt::format("a time after {}", last_time_), fmt::format("does not come after {}", last_time_));
 }
 
-bool CsvParser::keep_row() {
+inline bool CsvParser::keep_row() {
+  const double* const row = row_.data();
+  const std::size_t columns = targets_.size();
   double finite = 0;  // x - x is 0 for a finite x and NaN for any other
-  for (const double value : row_) finite += value - value;
-  if (finite != 0 || rows_ == kMaxRows) return false;
-  if (has_time_) {
-    if (row_.front() <= last_time_) return false;
-    last_time_ = row_.front();
-  }
-  const double* value = row_.data();
-  for (std::vector<double>* target : targets_) target->push_back(*value++);
+  for (std::size_t i = 0; i < columns; ++i) finite += row[i] - row[i];
+  if (finite != 0 || rows_ == kMaxRows || (has_time_ && row[0] <= last_time_)) return false;
+  last_time_ = row[0];
+  std::vector<double>* const* const targets = targets_.data();
+  for (std::size_t i = 0; i < columns; ++i) targets[i]->push_back(row[i]);
   ++rows_;
   return true;
 }

@@ -5,6 +5,7 @@
 #include <rapidcheck/gtest.h>
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 
 #include "core/recording/limits.h"
@@ -172,6 +173,26 @@ TEST(ParseCsv, TakesTheFirstDecimalMarkForTheWholeFile) {
   EXPECT_EQ(parse_text(text + "40;1,5;2.5\n").error().code, "not_a_number");
   EXPECT_EQ(parse_text(text + "40;1.5;2,5\n").error().code, "not_a_number");
   EXPECT_EQ(parse_text(text + "40;1.234,5;2\n").error().code, "not_a_number");
+}
+
+RC_GTEST_PROP(ParseCsv, ReadsEveryDecimalAsTheStandardLibraryDoes, ()) {
+  std::string text = kHeader;
+  std::vector<double> expected;
+  for (int i = 0; i < 40; ++i) {
+    const auto digits = static_cast<unsigned long long>(*rc::gen::arbitrary<std::uint64_t>());
+    std::string number = std::to_string(digits >> *rc::gen::inRange(0, 64));
+    const auto point = static_cast<std::size_t>(*rc::gen::inRange(0, 22));
+    if (point < number.size()) number.insert(number.size() - point, ".");
+    if (*rc::gen::arbitrary<bool>()) number.insert(0, "-");
+    if (*rc::gen::inRange(0, 5) == 0) number += "e-3";
+    double value = 0;
+    RC_PRE(std::from_chars(number.data(), number.data() + number.size(), value).ec == std::errc{});
+    expected.push_back(value);
+    text += fmt::format("{},1,{}\n", i, number);
+  }
+  const auto raw = parse_text(text);
+  RC_ASSERT(raw.has_value());
+  RC_ASSERT(raw->output.values == expected);
 }
 
 struct Dialect {
