@@ -212,6 +212,7 @@ ClassificationResult classification_from_json(JsonFields fields) {
     result.reason = value_in(kNoVerdicts, fields.text("reason"));
     if (!result.reason) fields.refuse("reason", "unknown_value", "not one of the contract's reasons");
   }
+  if (!result.verdict && !result.reason) fields.refuse("reason", "missing_field", "no verdict needs its reason");
   result.explanation = fields.text("explanation");
   result.action = fields.text("action");
   result.memberships = fields.number_by_name("memberships");
@@ -279,6 +280,7 @@ Result<AnalysisDocument> analysis_from_json(const Json& document) {
   for (JsonFields& recording : fields.objects("recordings")) {
     read.analysis.recordings.push_back(recording_from_json(recording));
   }
+  if (read.analysis.recordings.empty()) fields.refuse("recordings", "out_of_range", "an analysis has recordings");
   read.analysis.baseline = baseline_from_json(fields.object("baseline"));
   read.analysis.simulation = simulation_from_json(fields.object("simulation"));
   read.analysis.classification = classification_from_json(fields.object("classification"));

