@@ -1,5 +1,6 @@
 #include "core/residual/noise_floor.h"
 
+#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -73,6 +74,38 @@ double from_differences(const Recording& recording) {
   return kMadToSigma * median_of(size) / std::sqrt(20.0);
 }
 
+/// Rms that a linear one-step prediction leaves; infinite where there are too few samples for it.
+double from_prediction(const Recording& recording) {
+  constexpr Eigen::Index kLags = 8;
+  constexpr Eigen::Index kRegressors = 2 * kLags + 1;
+  using Matrix = Eigen::Matrix<double, kRegressors + 1, kRegressors + 1>;
+  const auto& y = recording.output.values;
+  const auto& u = recording.input.values;
+  const double origin_y = y.front(), origin_u = u.front();
+  Matrix products = Matrix::Zero();
+  Eigen::Matrix<double, kRegressors + 1, 1> row;
+  double count = 0;
+  for (std::size_t t = kLags; t < y.size(); ++t) {
+    bool usable = true;
+    for (Eigen::Index j = 0; j <= kLags; ++j) usable = usable && recording.is_valid(t - static_cast<std::size_t>(j));
+    if (!usable) continue;
+    for (Eigen::Index j = 0; j < kLags; ++j) {
+      row(j) = y[t - 1 - static_cast<std::size_t>(j)] - origin_y;
+      row(kLags + j) = u[t - static_cast<std::size_t>(j)] - origin_u;
+    }
+    row(kRegressors - 1) = 1;
+    row(kRegressors) = y[t] - origin_y;
+    products.selfadjointView<Eigen::Lower>().rankUpdate(row);
+    count += 1;
+  }
+  if (count < 4.0 * kRegressors) return std::numeric_limits<double>::infinity();
+  // Schur complement of the target: its squares less what the regressors explain.
+  const Eigen::MatrixXd a = products.topLeftCorner<kRegressors, kRegressors>().selfadjointView<Eigen::Lower>();
+  const Eigen::VectorXd b = products.bottomLeftCorner<1, kRegressors>().transpose();
+  const double left = products(kRegressors, kRegressors) - b.dot(a.completeOrthogonalDecomposition().solve(b));
+  return std::sqrt(std::max(0.0, left) / (count - kRegressors));
+}
+
 }  // namespace
 
 NoiseFloor noise_floor(const Recording& recording) {
@@ -93,9 +126,11 @@ NoiseFloor noise_floor(const Recording& recording) {
     floor.rms = std::max(std::sqrt(median_of(mean_squares)), resolution);
     return floor;
   }
-  floor.method = NoiseFloorMethod::kDifferences;
+  const double differences = from_differences(recording);
+  const double prediction = from_prediction(recording);
+  floor.method = prediction < differences ? NoiseFloorMethod::kPrediction : NoiseFloorMethod::kDifferences;
   floor.samples = recording.samples();
-  floor.rms = std::max(from_differences(recording), resolution);
+  floor.rms = std::max(std::min(differences, prediction), resolution);
   return floor;
 }
 

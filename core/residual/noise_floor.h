@@ -8,7 +8,9 @@ namespace valvetriage {
 ///
 /// kHolds        on the settled ends of holds, where the output should stand still: sees coloured noise as well
 /// kDifferences  from third differences: right for white noise, too small for coloured noise
-enum class NoiseFloorMethod : std::uint8_t { kHolds, kDifferences };
+/// kPrediction   what a linear prediction from the past of input and output leaves: where the signal is fast against
+///               the sampling, so that differences would take it for noise
+enum class NoiseFloorMethod : std::uint8_t { kHolds, kDifferences, kPrediction };
 
 struct NoiseFloor {
   double rms = 0;  ///< unit of the output

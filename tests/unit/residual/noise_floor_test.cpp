@@ -43,9 +43,30 @@ TEST(NoiseFloor, OfASweepIsNotItsAmplitude) {
   }
   recording.segments = {{.kind = SegmentKind::kSweep, .begin = 0, .end = recording.samples(), .level = 1.5}};
   const NoiseFloor floor = noise_floor(recording);
-  EXPECT_EQ(floor.method, NoiseFloorMethod::kDifferences);
   // Third differences of 60 psi at 2 Hz, 200 Hz sampled: 60 (2π/100)³ = 0.015 psi, far below the noise.
   EXPECT_NEAR(floor.rms, 0.35, 0.03);
+}
+
+TEST(NoiseFloor, OfAResponseFastAgainstTheSamplingIsNotTheResponse) {
+  // White input through a resonance at a quarter of the sampling rate: differences see nothing but signal.
+  Recording recording = test::step_recording(
+      200, 0, 0, 0.5, 20, [](double) { return 0.0; }, 0.0, 3);
+  std::mt19937 random(17);
+  std::normal_distribution<double> normal;
+  double y1 = 0, y2 = 0;
+  for (std::size_t i = 0; i < recording.samples(); ++i) {
+    recording.input.values[i] = normal(random);
+    const double y = -0.8 * y2 + recording.input.values[i];
+    y2 = y1;
+    y1 = y;
+    recording.output.values[i] = y + 0.02 * normal(random);
+  }
+  recording.segments = {{.kind = SegmentKind::kSweep, .begin = 0, .end = recording.samples()}};
+  const NoiseFloor floor = noise_floor(recording);
+  EXPECT_EQ(floor.method, NoiseFloorMethod::kPrediction);
+  // Eight lags predict output noise under a pole of modulus 0.89 to within 30 %; the response itself has an rms of 1.7.
+  EXPECT_GT(floor.rms, 0.018);
+  EXPECT_LT(floor.rms, 0.03);
 }
 
 TEST(NoiseFloor, OfAFrozenReadingIsItsResolution) {

@@ -39,9 +39,10 @@ class CommandLine : public testing::Test {
 };
 
 TEST_F(CommandLine, SessionWritesRecordingsTruthAndCleanOutputsApart) {
-  ASSERT_EQ(run("session --out s --serial S --lot L --tests step_up --effect friction=0.02 --decoy jitter --truth t.json "
-                "--clean c"),
-            0);
+  ASSERT_EQ(
+      run("session --out s --serial S --lot L --tests step_up --effect friction=0.02 --decoy jitter --truth t.json "
+          "--clean c"),
+      0);
   EXPECT_TRUE(fs::exists(folder_ / "s/step_up_1.6A.csv"));
   EXPECT_TRUE(fs::exists(folder_ / "c/step_up_1.6A.csv"));
   EXPECT_NE(text("t.json").find("\"effect\": \"friction\""), std::string::npos);
@@ -60,7 +61,8 @@ TEST_F(CommandLine, FleetsAreFoldersBySerial) {
   EXPECT_TRUE(fs::exists(folder_ / "l/EFC-104212/step_up_1.6A.csv"));
   EXPECT_FALSE(fs::exists(folder_ / "l/t.json"));
   ASSERT_EQ(run("labelled --out b --valves 6 --tests step_up"), 0);
-  EXPECT_TRUE(text("b/labels.csv").starts_with("serial,verdict\nLAB-001,Good\nLAB-002,Malfunctioned\nLAB-003,Severe\n"));
+  EXPECT_TRUE(
+      text("b/labels.csv").starts_with("serial,verdict\nLAB-001,Good\nLAB-002,Malfunctioned\nLAB-003,Severe\n"));
 }
 
 TEST_F(CommandLine, MotionIsUnitless) {

@@ -1,0 +1,164 @@
+#include "core/analysis/analyze.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "core/analysis/learn_reference.h"
+#include "tests/unit/identify/valves.h"
+
+namespace valvetriage {
+namespace {
+
+constexpr double kNoise_psi = 0.35;
+
+test::MadeValve slow_valve() {
+  test::MadeValve valve;
+  valve.parameters.volume.time_constant_s *= 3;
+  return valve;
+}
+
+const Reference& reference() {
+  static const Reference learned = [] {
+    std::mt19937 random(5);
+    std::normal_distribution<double> normal;
+    std::vector<ValveRecordings> good;
+    for (unsigned i = 0; i < 4; ++i) {
+      test::MadeValve valve;
+      valve.parameters.volume.time_constant_s *= std::exp(0.03 * normal(random));
+      good.push_back({"GOOD-" + std::to_string(i), test::session(valve, kNoise_psi, 100 * i)});
+    }
+    return *learn_reference(good, "type-1");
+  }();
+  return learned;
+}
+
+/// Good below 20 psi/s at 1.4 and 1.6 A, Severe from 200 on.
+RuleBase rule_base() {
+  RuleBase base{.name = "unit", .version = "1", .sha256 = "ab"};
+  base.window = FeatureWindow{.rate_hz = 200, .duration_s = 2, .unit = "psi"};
+  for (const double level : {1.4, 1.6}) {
+    LevelRules rules{.name = level_name(level), .level_a = level};
+    rules.inputs = {{Quantity::kError,
+                     {{"small", left_trapezoid(15, 25)}, {"middle", {15, 25, 180, 220}}, {"large", right_trapezoid(180, 220)}}}};
+    rules.output = {{Verdict::kGood, triangle(-0.5, 0, 0.5)},
+                    {Verdict::kMalfunctioned, triangle(0, 0.5, 1)},
+                    {Verdict::kSevere, triangle(0.5, 1, 1.5)}};
+    rules.rules = {{{0}, Verdict::kGood}, {{1}, Verdict::kMalfunctioned}, {{2}, Verdict::kSevere}};
+    rules.crisp = {.malfunctioned_from = 0.25, .severe_from = 0.75};
+    base.levels.push_back(rules);
+  }
+  return base;
+}
+
+Analysis analysed(const std::vector<Recording>& recordings, AnalysisOptions options) {
+  auto analysis = analyze(recordings, options);
+  EXPECT_TRUE(analysis) << (analysis ? "" : analysis.error().message);
+  return std::move(*analysis);
+}
+
+TEST(Analyze, AGoodValveIsGoodAndItsSimulationLeavesTheNoise) {
+  const auto analysis = analysed(test::session({}, kNoise_psi, 900), {.reference = reference(), .rule_base = rule_base()});
+  EXPECT_EQ(analysis.classification.verdict, "Good");
+  EXPECT_EQ(analysis.classification.action, "accept");
+  EXPECT_EQ(analysis.baseline.kind, BaselineKind::kReference);
+  // As ValveFit.LeavesTheNoiseAndNothingElseOfAKnownValve.
+  EXPECT_NEAR(analysis.simulation.rmse, kNoise_psi, 0.05 * kNoise_psi);
+  ASSERT_EQ(analysis.simulation.by_level.size(), 3u);
+  EXPECT_NEAR(analysis.simulation.by_level[0].level_a, 1.4, 1e-9);
+}
+
+TEST(Analyze, ASlowValveIsJudgedAgainstThePopulationAndNotAgainstItself) {
+  const auto analysis = analysed(test::session(slow_valve(), kNoise_psi, 900), {.reference = reference(), .rule_base = rule_base()});
+  ASSERT_TRUE(analysis.classification.verdict);
+  EXPECT_NE(*analysis.classification.verdict, "Good");
+  EXPECT_EQ(analysis.classification.action, "reject");
+  const LevelFigures& level = analysis.simulation.by_level[1];
+  EXPECT_GT(*level.error_eq20, 10 * *level.error_eq20_own);
+}
+
+TEST(Analyze, TheOrderOfTheRecordingsDoesNotChangeTheVerdictsFigures) {
+  auto recordings = test::session(slow_valve(), kNoise_psi, 900);
+  const AnalysisOptions options{.reference = reference(), .rule_base = rule_base()};
+  const auto forward = analysed(recordings, options);
+  std::reverse(recordings.begin(), recordings.end());
+  const auto backward = analysed(recordings, options);
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_EQ(*forward.simulation.by_level[i].error_eq20, *backward.simulation.by_level[i].error_eq20);
+  }
+}
+
+TEST(Analyze, WithoutARuleBaseThereIsNoVerdict) {
+  const auto analysis = analysed(test::session({}, kNoise_psi, 900), {.reference = reference()});
+  EXPECT_FALSE(analysis.classification.verdict);
+  EXPECT_EQ(analysis.classification.reason, NoVerdict::kNoRuleBase);
+  EXPECT_EQ(analysis.classification.action, "engineer");
+}
+
+TEST(Analyze, ARuleBaseForTablesJudgesNoRecording) {
+  RuleBase table = rule_base();
+  table.window.reset();
+  const auto analysis = analysed(test::session({}, kNoise_psi, 900), {.reference = reference(), .rule_base = table});
+  EXPECT_EQ(analysis.classification.reason, NoVerdict::kNoRuleBase);
+  EXPECT_NE(analysis.classification.explanation.find("tables only"), std::string::npos);
+  EXPECT_EQ(analysis.classification.rule_base_name, "unit");
+}
+
+TEST(Analyze, AMissingLevelIsNamed) {
+  const std::vector<Recording> low{test::step_to({}, 1.4, kNoise_psi, 1)};
+  const auto analysis = analysed(low, {.reference = reference(), .rule_base = rule_base()});
+  EXPECT_EQ(analysis.classification.reason, NoVerdict::kLevelMissing);
+  EXPECT_NE(analysis.classification.explanation.find("high"), std::string::npos) << analysis.classification.explanation;
+  EXPECT_EQ(analysis.classification.action, "retest");
+}
+
+TEST(Analyze, TheSelfBaselineGivesNoVerdict) {
+  const auto analysis = analysed({test::step_to({}, 1.6, kNoise_psi, 1)}, {.rule_base = rule_base()});
+  EXPECT_EQ(analysis.baseline.kind, BaselineKind::kSelf);
+  EXPECT_EQ(analysis.classification.reason, NoVerdict::kSelfBaseline);
+}
+
+TEST(Analyze, WithoutUnitsThereIsNoVerdictAndTheReferenceDoesNotApply) {
+  Recording recording = test::step_to({}, 1.6, kNoise_psi, 1);
+  recording.input.unit = recording.output.unit = "";
+  const auto analysis = analysed({recording}, {.reference = reference(), .rule_base = rule_base()});
+  EXPECT_EQ(analysis.baseline.kind, BaselineKind::kSelf);
+  EXPECT_EQ(analysis.classification.reason, NoVerdict::kUnits);
+}
+
+TEST(Analyze, FeedbackComesBeforeEveryOtherReason) {
+  Recording recording = test::step_to({}, 1.6, kNoise_psi, 1);
+  recording.quality.push_back({"feedback", "", 1});
+  const auto analysis = analysed({recording}, {});
+  EXPECT_EQ(analysis.classification.reason, NoVerdict::kFeedback);
+}
+
+TEST(Analyze, LevelsTheReferenceNeverSawAreReportedAndLeftOut) {
+  auto recordings = test::session({}, kNoise_psi, 900);
+  recordings.push_back(test::step_to({}, 2.3, kNoise_psi, 950));
+  const auto analysis = analysed(recordings, {.reference = reference(), .rule_base = rule_base()});
+  EXPECT_EQ(analysis.recordings.back().quality.back().code, "outside_reference");
+  EXPECT_EQ(analysis.recordings.back().quality.back().count, 600u);
+  EXPECT_EQ(analysis.simulation.by_level.size(), 3u);
+  EXPECT_EQ(analysis.classification.verdict, "Good");
+}
+
+TEST(Analyze, AReferenceBaselineWithoutAReferenceIsAnError) {
+  const std::vector<Recording> one{test::step_to({}, 1.6, kNoise_psi, 1)};
+  const auto analysis = analyze(one, {.baseline = BaselineKind::kReference});
+  ASSERT_FALSE(analysis);
+  EXPECT_EQ(analysis.error().code, "no_reference");
+  EXPECT_EQ(analyze({}, {}).error().code, "no_recordings");
+}
+
+TEST(Analyze, EqualInputGivesEqualFiguresToTheLastBit) {
+  const auto recordings = test::session(slow_valve(), kNoise_psi, 900);
+  const AnalysisOptions options{.reference = reference(), .rule_base = rule_base()};
+  const auto one = analysed(recordings, options);
+  const auto two = analysed(recordings, options);
+  EXPECT_EQ(one.simulation.rmse, two.simulation.rmse);
+  EXPECT_EQ(one.simulated, two.simulated);
+}
+
+}  // namespace
+}  // namespace valvetriage
