@@ -15,7 +15,7 @@ enum ExitStatus : int { kDone = 0, kFailure = 1, kBadInput = 2, kVerdictNotGood 
 #define VALVETRIAGE_COMMANDS(X)                                                                                       \
   X(analysis_child)                                                                                                   \
   X(analyze) X(backup) X(check) X(classify) X(export) X(identify) X(migrate) X(paper) X(plan) X(reference) X(restore) \
-      X(rule_base) X(simulate)
+      X(rule_base) X(serve) X(simulate) X(submit) X(token)
 
 #define X(verb) void add_##verb##_command(CLI::App& app, int& exit_status);
 VALVETRIAGE_COMMANDS(X)

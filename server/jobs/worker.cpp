@@ -31,7 +31,8 @@ Result<std::optional<std::string>> serving_document(Store& store, DocumentKind k
   return tl::unexpected(document.error());
 }
 
-Result<JobSpec> gather(Store& store, const BlobStore& blobs, const JobRow& job) {
+Result<JobSpec> gather(Store& store, const BlobStore& blobs, const JobRow& job,
+                       const std::optional<std::string>& default_rule_base_json) {
   const auto submission = store.submission(job.submission_id);
   if (!submission) return tl::unexpected(submission.error());
   const auto recordings = store.recordings_of(job.submission_id);
@@ -47,7 +48,7 @@ Result<JobSpec> gather(Store& store, const BlobStore& blobs, const JobRow& job) 
   spec.labels = submission->labels;
   spec.options_json = job.options_json;
   spec.reference_json = std::move(*reference);
-  spec.rule_base_json = std::move(*rule_base);
+  spec.rule_base_json = *rule_base ? std::move(*rule_base) : default_rule_base_json;
   for (const RecordingRow& row : *recordings) {
     if (const auto sound = blobs.verify(row.sha256); !sound) return tl::unexpected(sound.error());
     spec.files.push_back({row.name, row.sha256, blobs.path_of(row.sha256), row.test, row.metadata_json});
@@ -202,7 +203,7 @@ void WorkerPool::run(const JobRow& job) {
     const auto ended = store_.end_attempt(job.lease(), how, problem);
     if (!ended && ended.error().code != "lease_lost") options_.log(ended.error().message);
   };
-  const auto spec = gather(store_, blobs_, job);
+  const auto spec = gather(store_, blobs_, job, options_.rule_base_json);
   if (!spec) return end(end_for_gathering(spec.error()), problem_json(spec.error()));
 
   LeaseKeeper keeper(store_, job, options_.lease_ms, [this] { return draining(); });

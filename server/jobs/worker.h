@@ -4,6 +4,7 @@
 #include <condition_variable>
 #include <functional>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -24,6 +25,7 @@ struct WorkerOptions {
   ChildLimits child;
   std::int64_t lease_ms = 30'000;
   std::int64_t poll_ms = 500;
+  std::optional<std::string> rule_base_json{};  ///< serves valve types that have no rule base of their own
   std::function<void(std::string_view message)> log = [](std::string_view) {};
 };
 

@@ -1,0 +1,43 @@
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+
+namespace valvetriage::http {
+
+/// Limits that the HTTP front sets on the outside world, each with its reason. nginx in front sets tighter ones.
+
+inline constexpr std::size_t kMaxHeadBytes = 16 * 1024;  ///< a browser behind two proxies sends about 4 kB
+inline constexpr std::size_t kMaxHeaders = 100;          ///< a browser sends about 20
+inline constexpr std::size_t kMaxChunkLineBytes = 256;   ///< chunk size and extensions; senders use at most 16
+inline constexpr std::size_t kMaxTrailerBytes = 4 * 1024;
+
+/// Recordings of one submission: one valve's session is six; a whole lot in one folder is a mistake of the caller's.
+inline constexpr std::size_t kMaxFilesPerSubmission = 256;
+/// JSON documents other than recordings (references with maps and covariances are the largest, about 300 kB).
+inline constexpr std::size_t kMaxDocumentBytes = 16 * 1024 * 1024;
+inline constexpr std::size_t kMaxMultipartHeaderBytes = 8 * 1024;
+
+/// Connections that hold a socket but no thread while they are idle or still sending a head.
+inline constexpr std::size_t kMaxConnections = 1000;
+/// A head comes whole in this time, however it drips.
+inline constexpr std::chrono::seconds kHeadDeadline{5};
+/// Idle time between two requests of one connection.
+inline constexpr std::chrono::seconds kIdleDeadline{30};
+/// A body may take kBodyGrace plus its bytes at kMinBodyBytesPerSecond: the slowest shop-floor link, not a drip.
+inline constexpr std::chrono::seconds kBodyGrace{10};
+inline constexpr std::uint64_t kMinBodyBytesPerSecond = 16 * 1024;
+/// The same for an answer that a client reads slowly.
+inline constexpr std::chrono::seconds kAnswerGrace{10};
+/// Unread rest of a refused body that is still taken in so that the client gets to see the answer.
+inline constexpr std::size_t kLingerBytes = 64 * 1024 * 1024;
+inline constexpr std::chrono::seconds kLingerDeadline{5};
+inline constexpr int kListenBacklog = 1024;
+
+/// Points of a series: more than any screen has pixels.
+inline constexpr std::size_t kMaxSeriesPoints = 20000;
+inline constexpr std::size_t kDefaultSeriesPoints = 2000;
+inline constexpr std::size_t kDefaultPageItems = 100;
+
+}  // namespace valvetriage::http

@@ -1,0 +1,148 @@
+#include <fmt/format.h>
+
+#include "core/recording/text.h"
+#include "server/http/handlers.h"
+#include "server/http/limits.h"
+#include "server/http/lot_history.h"
+#include "server/http/receive.h"
+#include "server/http/views.h"
+#include "server/wire/json_fields.h"
+
+namespace valvetriage::http {
+namespace {
+
+constexpr std::size_t kMaxHistorySubmissions = 20'000;  // twice the largest lot the plant ships
+constexpr std::size_t kMaxValveSubmissions = 1'000;     // one valve, tested daily for three years
+constexpr std::size_t kMaxFindingBytes = 64 * 1024;
+constexpr std::size_t kMaxNoteBytes = 10'000;
+constexpr std::size_t kMaxSerialBytes = 200;
+
+/// Every submission that fits, newest first, up to `most`.
+Result<std::vector<SubmissionRow>> all_submissions(Store& store, const Filter& filter, std::size_t most) {
+  std::vector<SubmissionRow> rows;
+  PageRequest page{.limit = kMaxPageLimit, .cursor = std::nullopt};
+  do {
+    auto next = store.list_submissions(filter, page);
+    if (!next) return tl::unexpected(next.error());
+    std::move(next->items.begin(), next->items.end(), std::back_inserter(rows));
+    page.cursor = next->next;
+  } while (page.cursor && rows.size() < most);
+  return rows;
+}
+
+Json valve_point(const SubmissionRow& row) {
+  Json errors = Json::array();
+  for (const LevelError& error : row.summary.errors) {
+    errors.push_back(Json{{"level_A", error.level_a}, {"error_eq20", error.error_eq20}});
+  }
+  const auto or_null = [](const std::optional<std::string>& text) { return text ? Json(*text) : Json(nullptr); };
+  return Json{{"submission_id", row.id},
+              {"serial", or_null(row.labels.serial)},
+              {"received_at", format_rfc3339(row.received_at)},
+              {"verdict", or_null(row.summary.verdict)},
+              {"top_cause", or_null(row.summary.top_cause)},
+              {"errors", std::move(errors)}};
+}
+
+Json level_view(const LevelHistory& level, const std::vector<SubmissionRow>& valves) {
+  Json object{{"level_A", level.level_a}, {"valves", level.errors.size()}, {"centre", nullptr},
+              {"upper_limit", nullptr},   {"lower_limit", nullptr},        {"outside", Json::array()}};
+  if (!level.limits) return object;
+  object["centre"] = level.limits->centre;
+  object["upper_limit"] = level.limits->upper;
+  object["lower_limit"] = level.limits->lower;
+  for (std::size_t i = 0; i < level.errors.size(); ++i) {
+    if (level.errors[i] > level.limits->upper || level.errors[i] < level.limits->lower) {
+      object["outside"].push_back(valves[level.valves[i]].id);
+    }
+  }
+  return object;
+}
+
+Result<NewFinding> finding_of(const Json& document, const Request& request) {
+  std::optional<Error> error;
+  JsonFields fields(document, "", error);
+  NewFinding finding{.serial = request.captures[0],
+                     .cause = fields.text("cause"),
+                     .found_by = fields.text("who"),
+                     .found_at = std::nullopt,
+                     .note = fields.text_or("note", ""),
+                     .actor = request.actor};
+  if (const auto when = fields.optional_text("when")) {
+    finding.found_at = parse_rfc3339(*when);
+    if (!finding.found_at) fields.refuse("when", "bad_time", "is not an RFC 3339 time");
+  }
+  for (const auto& [name, text, most] :
+       {std::tuple("cause", &finding.cause, kMaxSerialBytes), std::tuple("who", &finding.found_by, kMaxSerialBytes),
+        std::tuple("note", &finding.note, kMaxNoteBytes)}) {
+    if (text->size() > most) fields.refuse(name, "too_long", fmt::format("is longer than {} bytes", most));
+  }
+  if (error) return tl::unexpected(*error);
+  return finding;
+}
+
+}  // namespace
+
+Result<Response> list_lots(Service& service, Request& request) {
+  const auto page = page_request(request);
+  if (!page) return tl::unexpected(page.error());
+  const auto rows = service.store.list_lots(*page);
+  if (!rows) return tl::unexpected(rows.error());
+  std::vector<Json> items;
+  for (const LotRow& row : rows->items) items.push_back(view(row));
+  return list_response(request, std::move(items), rows->next);
+}
+
+Result<Response> get_lot(Service& service, Request& request) {
+  const auto row = service.store.lot(request.captures[0]);
+  if (!row) return tl::unexpected(row.error());
+  return json_response(view(*row));
+}
+
+Result<Response> get_lot_history(Service& service, Request& request) {
+  const auto lot = service.store.lot(request.captures[0]);
+  if (!lot) return tl::unexpected(lot.error());
+  Filter filter;
+  filter.lot = lot->lot;
+  const auto submissions = all_submissions(service.store, filter, kMaxHistorySubmissions);
+  if (!submissions) return tl::unexpected(submissions.error());
+  const LotHistory history = lot_history(*submissions);
+  Json valves = Json::array(), levels = Json::array();
+  for (const SubmissionRow& valve : history.valves) valves.push_back(valve_point(valve));
+  for (const LevelHistory& level : history.levels) levels.push_back(level_view(level, history.valves));
+  const Json counted = view(*lot);
+  return json_response(Json{{"lot", lot->lot},
+                            {"verdicts", counted["verdicts"]},
+                            {"causes", counted["causes"]},
+                            {"valves", std::move(valves)},
+                            {"levels", std::move(levels)}});
+}
+
+Result<Response> get_valve(Service& service, Request& request) {
+  Filter filter;
+  filter.serial = request.captures[0];
+  const auto submissions = all_submissions(service.store, filter, kMaxValveSubmissions);
+  if (!submissions) return tl::unexpected(submissions.error());
+  const auto findings = service.store.findings(*filter.serial);
+  if (!findings) return tl::unexpected(findings.error());
+  if (submissions->empty() && findings->empty())
+    return fail("not_found", "no recording and no finding names this serial");
+  Json document{{"serial", *filter.serial}, {"submissions", Json::array()}, {"findings", Json::array()}};
+  for (const SubmissionRow& row : *submissions) document["submissions"].push_back(view(row));
+  for (const FindingRow& row : *findings) document["findings"].push_back(view(row));
+  return json_response(document);
+}
+
+Result<Response> post_finding(Service& service, Request& request) {
+  const auto document = receive_json(request, kMaxFindingBytes);
+  if (!document) return tl::unexpected(document.error());
+  const auto finding = finding_of(*document, request);
+  if (!finding) return tl::unexpected(finding.error());
+  const auto row = service.store.add_finding(*finding);
+  if (!row) return tl::unexpected(row.error());
+  Response response = json_response(view(*row), 201);
+  response.set_header("Location", "/v1/valves/" + percent_encode(row->serial));
+  return response;
+}
+
+}  // namespace valvetriage::http

@@ -1,0 +1,57 @@
+#include "server/http/lot_history.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+
+namespace valvetriage::http {
+namespace {
+
+constexpr double kRangeToSigma = 1.128;  // d2 of a moving range of two
+
+std::vector<SubmissionRow> newest_by_valve(const std::vector<SubmissionRow>& submissions) {
+  std::set<std::string> seen;
+  std::vector<SubmissionRow> valves;
+  for (const SubmissionRow& row : submissions) {
+    if (row.state != JobState::kDone) continue;
+    if (row.labels.serial && !seen.insert(*row.labels.serial).second) continue;
+    valves.push_back(row);
+  }
+  std::reverse(valves.begin(), valves.end());
+  return valves;
+}
+
+}  // namespace
+
+std::optional<ControlLimits> control_limits(const std::vector<double>& values) {
+  if (values.size() < 2) return std::nullopt;
+  double sum = values.front(), ranges = 0;
+  for (std::size_t i = 1; i < values.size(); ++i) {
+    sum += values[i];
+    ranges += std::abs(values[i] - values[i - 1]);
+  }
+  const double centre = sum / static_cast<double>(values.size());
+  const double sigma = ranges / static_cast<double>(values.size() - 1) / kRangeToSigma;
+  return ControlLimits{.centre = centre, .upper = centre + 3 * sigma, .lower = std::max(0.0, centre - 3 * sigma)};
+}
+
+LotHistory lot_history(const std::vector<SubmissionRow>& submissions) {
+  LotHistory history{.valves = newest_by_valve(submissions), .levels = {}};
+  std::map<double, LevelHistory> levels;
+  for (std::size_t valve = 0; valve < history.valves.size(); ++valve) {
+    for (const LevelError& error : history.valves[valve].summary.errors) {
+      LevelHistory& level = levels[error.level_a];
+      level.level_a = error.level_a;
+      level.errors.push_back(error.error_eq20);
+      level.valves.push_back(valve);
+    }
+  }
+  for (auto& [level_a, level] : levels) {
+    level.limits = control_limits(level.errors);
+    history.levels.push_back(std::move(level));
+  }
+  return history;
+}
+
+}  // namespace valvetriage::http

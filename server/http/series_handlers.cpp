@@ -1,0 +1,215 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <limits>
+
+#include "core/model/model.h"
+#include "server/http/downsample.h"
+#include "server/http/handlers.h"
+#include "server/http/limits.h"
+#include "server/http/receive.h"
+#include "server/http/stored_recording.h"
+#include "server/http/subject.h"
+#include "server/http/views.h"
+#include "server/wire/json_fields.h"
+#include "server/wire/model_json.h"
+
+namespace valvetriage::http {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kUniformTolerance = 1e-6;  // of a sample period: stamps written with six digits are uniform
+
+enum class Shown { kInput, kMeasured, kSimulated, kExtended, kResidual };
+
+/// What part of which recording is asked for.
+struct SeriesRequest {
+  Shown what = Shown::kMeasured;
+  std::string name;
+  double from = -kInfinity;
+  double to = kInfinity;
+  std::size_t points = kDefaultSeriesPoints;
+};
+
+tl::unexpected<Error> bad_parameter(std::string_view name, std::string_view found, std::string expected) {
+  Error error{.code = "bad_parameter"};
+  error.message = fmt::format("{}: '{}' is not {}", name, found, expected);
+  error.field = name;
+  error.found = found;
+  error.expected = std::move(expected);
+  return tl::unexpected(error);
+}
+
+template <typename Number>
+Result<void> read_number(const Request& request, std::string_view name, Number& number, const char* expected) {
+  const auto text = request.head.parameter(name);
+  if (!text) return {};
+  const auto [end, error] = std::from_chars(text->data(), text->data() + text->size(), number);
+  if (error != std::errc() || end != text->data() + text->size()) return bad_parameter(name, *text, expected);
+  return {};
+}
+
+Result<SeriesRequest> series_request(const Request& request) {
+  constexpr std::array kNames{std::pair("input", Shown::kInput), std::pair("measured", Shown::kMeasured),
+                              std::pair("simulated", Shown::kSimulated), std::pair("extended", Shown::kExtended),
+                              std::pair("residual", Shown::kResidual)};
+  SeriesRequest wanted;
+  wanted.name = request.parameter("what");
+  if (wanted.name.empty()) wanted.name = "measured";
+  const auto* found =
+      std::find_if(kNames.begin(), kNames.end(), [&](const auto& entry) { return entry.first == wanted.name; });
+  if (found == kNames.end())
+    return bad_parameter("what", wanted.name, "input, measured, simulated, extended or residual");
+  wanted.what = found->second;
+  for (auto read : {read_number(request, "from", wanted.from, "a time in seconds"),
+                    read_number(request, "to", wanted.to, "a time in seconds"),
+                    read_number(request, "points", wanted.points, "a number of points")}) {
+    if (!read) return tl::unexpected(read.error());
+  }
+  if (wanted.points < 2 || wanted.points > kMaxSeriesPoints) {
+    return bad_parameter("points", std::to_string(wanted.points),
+                         fmt::format("a number from 2 to {}", kMaxSeriesPoints));
+  }
+  return wanted;
+}
+
+/// A model of the newest analysis: `extended_model`, or the baseline's.
+Result<Model> stored_model(Service& service, const SubmissionRow& submission, bool extended) {
+  const auto row = analysis_asked_for(service, submission);
+  if (!row) return tl::unexpected(row.error());
+  const auto body = service.store.analysis_body(row->id);
+  if (!body) return tl::unexpected(body.error());
+  const auto document = parse_json(*body);
+  if (!document) return tl::unexpected(document.error());
+  const Json& model = extended ? document->value("extended_model", Json())
+                               : document->value("baseline", Json::object()).value("model", Json());
+  if (!model.is_object()) return fail("not_available", "the analysis has no model to simulate");
+  return model_from_json(model);
+}
+
+std::vector<double> grid_times(const Recording& recording) {
+  std::vector<double> time_s(recording.samples());
+  for (std::size_t i = 0; i < time_s.size(); ++i) {
+    time_s[i] = recording.start_s + static_cast<double>(i) * recording.sample_period_s;
+  }
+  return time_s;
+}
+
+/// The whole series on the recording's grid; samples inside gaps are NaN.
+Result<std::vector<double>> series_values(Service& service, const Request& request, const Recording& recording,
+                                          Shown what) {
+  if (what == Shown::kInput) return recording.input.values;
+  std::vector<double> values = recording.output.values;
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    if (!recording.is_valid(i)) values[i] = std::nan("");
+  }
+  if (what == Shown::kMeasured) return values;
+  const auto submission = submission_asked_for(service, request);
+  if (!submission) return tl::unexpected(submission.error());
+  const auto model = stored_model(service, *submission, what == Shown::kExtended);
+  if (!model) return tl::unexpected(model.error());
+  // As in the analysis, the initial state is estimated rather than assumed; the run itself sees the input alone.
+  const InitialState estimated{.kind = InitialState::Kind::kMeasured, .samples = recording.samples()};
+  auto simulated = simulate(*model, recording, estimated);
+  if (!simulated || what != Shown::kResidual) return simulated;
+  for (std::size_t i = 0; i < values.size(); ++i) values[i] -= (*simulated)[i];
+  return values;
+}
+
+/// Input and, where given, output of POST /v1/simulations, on a uniform grid.
+Result<Recording> simulation_input(JsonFields fields) {
+  Recording recording;
+  recording.time_s = fields.numbers("time_s");
+  recording.input.values = fields.numbers("values");
+  if (fields.has("output")) recording.output.values = fields.numbers("output");
+  if (!fields.ok()) return recording;
+  const std::size_t n = recording.time_s.size();
+  if (n < 2 || recording.input.values.size() != n ||
+      (!recording.output.values.empty() && recording.output.values.size() != n)) {
+    fields.refuse("time_s", "ragged_columns", "time_s, values and output are equally long, at least two samples");
+    return recording;
+  }
+  recording.start_s = recording.time_s.front();
+  recording.sample_period_s = (recording.time_s.back() - recording.start_s) / static_cast<double>(n - 1);
+  for (std::size_t i = 0; i < n; ++i) {
+    const double grid = recording.start_s + static_cast<double>(i) * recording.sample_period_s;
+    if (!(recording.sample_period_s > 0) ||
+        std::abs(recording.time_s[i] - grid) > kUniformTolerance * recording.sample_period_s) {
+      fields.refuse("time_s", "time_not_increasing", "has to increase by the same step everywhere");
+      break;
+    }
+  }
+  if (recording.output.values.empty()) recording.output.values.assign(n, std::nan(""));
+  return recording;
+}
+
+Result<Model> model_asked_for(Service& service, const Json& document) {
+  if (document.contains("model")) return model_from_json(document["model"]);
+  std::optional<Error> error;
+  const std::string id = JsonFields(document, "", error).text_or("submission", "");
+  if (error) return tl::unexpected(*error);
+  if (id.empty())
+    return fail("missing_field", "either 'model' (a document) or 'submission' (an id) says what to simulate");
+  const auto submission = service.store.submission(id);
+  if (!submission) return tl::unexpected(submission.error());
+  return stored_model(service, *submission, true);
+}
+
+}  // namespace
+
+Result<Response> get_series(Service& service, Request& request) {
+  const auto wanted = series_request(request);
+  if (!wanted) return tl::unexpected(wanted.error());
+  const auto row = recording_asked_for(service, request);
+  if (!row) return tl::unexpected(row.error());
+  const auto place = ComputationPlace::take(service);
+  if (!place) return tl::unexpected(place.error());
+  const auto recording = read_stored_recording(service, *row);
+  if (!recording) return tl::unexpected(recording.error());
+  const auto values = series_values(service, request, *recording, wanted->what);
+  if (!values) return tl::unexpected(values.error());
+  const Points shown = downsample(grid_times(*recording), *values, wanted->from, wanted->to, wanted->points);
+  const Channel& channel = wanted->what == Shown::kInput ? recording->input : recording->output;
+  if (request.parameter("format") == "csv") {
+    std::vector<Json> rows;
+    for (std::size_t i = 0; i < shown.value.size(); ++i) {
+      rows.push_back(Json{{"time_s", shown.time_s[i]}, {wanted->name, shown.value[i]}});
+    }
+    return list_response(request, std::move(rows), std::nullopt);
+  }
+  return json_response(Json{{"recording_id", row->id},
+                            {"what", wanted->name},
+                            {"unit", channel.unit},
+                            {"samples", values->size()},
+                            {"time_s", shown.time_s},
+                            {"values", shown.value}});
+}
+
+Result<Response> post_simulation(Service& service, Request& request) {
+  const auto place = ComputationPlace::take(service);
+  if (!place) return tl::unexpected(place.error());
+  const auto document = receive_json(request, kMaxDocumentBytes);
+  if (!document) return tl::unexpected(document.error());
+  const auto model = model_asked_for(service, *document);
+  if (!model) return tl::unexpected(model.error());
+  std::optional<Error> error;
+  JsonFields fields(*document, "", error);
+  InitialState initial;
+  if (fields.has("initial_samples")) initial.samples = fields.count("initial_samples");
+  if (initial.samples != 0) initial.kind = InitialState::Kind::kMeasured;
+  const auto input = simulation_input(fields.object("input"));
+  if (error) return tl::unexpected(*error);
+  if (!input) return tl::unexpected(input.error());
+  const auto output = simulate(*model, *input, initial);
+  if (!output) return tl::unexpected(output.error());
+  return json_response(Json{{"time_s", input->time_s},
+                            {"input", input->input.values},
+                            {"output_simulated", *output},
+                            {"input_unit", model->input_unit},
+                            {"output_unit", model->output_unit}});
+}
+
+}  // namespace valvetriage::http

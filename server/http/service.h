@@ -1,0 +1,30 @@
+#pragma once
+
+#include <functional>
+#include <semaphore>
+
+#include "server/http/metrics.h"
+#include "server/jobs/accept.h"
+#include "server/store/blob_store.h"
+#include "server/store/store.h"
+
+namespace valvetriage::http {
+
+/// Series and simulations computed inside the server at a time: each may hold one large recording in memory.
+inline constexpr int kMaxComputations = 2;
+
+/// What the handlers work on. One per server, shared by all its threads; everything in it is thread-safe.
+struct Service {
+  Store& store;
+  BlobStore& blobs;
+  AcceptLimits limits{};
+  int workers = 1;               ///< of the analysis, for Retry-After
+  bool tokens_required = false;  ///< false: who reaches a local address may do everything
+  bool check_host = true;  ///< only names of this machine in Host, so that no web page reaches it by a name of its own
+  std::function<void()> job_added = [] {};  ///< wakes the workers
+  std::function<bool()> stopping = [] { return false; };
+  Metrics metrics{};
+  std::counting_semaphore<kMaxComputations> computations{kMaxComputations};
+};
+
+}  // namespace valvetriage::http

@@ -1,0 +1,52 @@
+#include "server/http/subject.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace valvetriage::http {
+namespace {
+
+bool is_recording_route(const Request& request) {
+  return request.head.path[1] == "recordings";
+}
+
+}  // namespace
+
+Result<SubmissionRow> submission_asked_for(Service& service, const Request& request) {
+  if (!is_recording_route(request)) return service.store.submission(request.captures[0]);
+  const auto recording = service.store.recording(request.captures[0]);
+  if (!recording) return tl::unexpected(recording.error());
+  return service.store.submission(recording->submission_id);
+}
+
+Result<RecordingRow> recording_asked_for(Service& service, const Request& request) {
+  if (is_recording_route(request)) return service.store.recording(request.captures[0]);
+  const auto submission = service.store.submission(request.captures[0]);
+  if (!submission) return tl::unexpected(submission.error());
+  const auto rows = service.store.recordings_of(submission->id);
+  if (!rows) return tl::unexpected(rows.error());
+  const std::string wanted = request.parameter("recording");
+  if (wanted.empty()) {
+    if (rows->size() == 1) return rows->front();
+    Error error{.code = "recording_needed"};
+    error.field = "recording";
+    error.message = fmt::format("this submission has {} recordings; choose one with recording=ID", rows->size());
+    return tl::unexpected(error);
+  }
+  const auto found = std::find_if(rows->begin(), rows->end(), [&](const auto& row) { return row.id == wanted; });
+  if (found == rows->end()) return fail("not_found", "this submission has no such recording");
+  return *found;
+}
+
+Result<AnalysisRow> analysis_asked_for(Service& service, const SubmissionRow& submission) {
+  auto row = service.store.newest_analysis(submission.id);
+  if (row || row.error().code != "not_found") return row;
+  const std::string_view state = to_text(submission.state);
+  if (is_final(submission.state)) {
+    return fail("not_available", fmt::format("there is no analysis: the job ended as '{}', see 'error'", state));
+  }
+  return fail("not_finished", fmt::format("the analysis is not finished: the job is '{}'", state));
+}
+
+}  // namespace valvetriage::http

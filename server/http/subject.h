@@ -1,0 +1,20 @@
+#pragma once
+
+#include "server/http/exchange.h"
+#include "server/http/service.h"
+
+namespace valvetriage::http {
+
+/// What /v1/recordings/{id}/... and /v1/submissions/{id}/... speak of. Errors `not_found`; the store's.
+
+/// The submission, or the one that the recording belongs to.
+Result<SubmissionRow> submission_asked_for(Service& service, const Request& request);
+
+/// The recording; of a submission the only one, or that of `recording=ID`. Errors `recording_needed` where several are
+/// there and none is chosen.
+Result<RecordingRow> recording_asked_for(Service& service, const Request& request);
+
+/// The newest analysis. Errors `not_finished` while there is none yet, or the problem that ended the job.
+Result<AnalysisRow> analysis_asked_for(Service& service, const SubmissionRow& submission);
+
+}  // namespace valvetriage::http

@@ -1,0 +1,270 @@
+#include "server/http/views.h"
+
+#include <fmt/format.h>
+
+#include <charconv>
+
+#include "server/http/limits.h"
+
+namespace valvetriage::http {
+namespace {
+
+template <typename T>
+Json or_null(const std::optional<T>& value) {
+  return value ? Json(*value) : Json(nullptr);
+}
+
+Json time_or_null(const std::optional<TimestampMs>& time) {
+  return time ? Json(format_rfc3339(*time)) : Json(nullptr);
+}
+
+/// Stored JSON text was written by us; should it be damaged, the row is still shown.
+Json stored_json(const std::optional<std::string>& text) {
+  if (!text) return nullptr;
+  auto parsed = parse_json(*text);
+  return parsed ? std::move(*parsed) : Json(nullptr);
+}
+
+void add_labels(Json& object, const Labels& labels) {
+  object["lot"] = or_null(labels.lot);
+  object["serial"] = or_null(labels.serial);
+  object["valve_type"] = or_null(labels.valve_type);
+  object["condition"] = or_null(labels.condition);
+}
+
+void add_summary(Json& object, const AnalysisSummary& summary) {
+  object["verdict"] = or_null(summary.verdict);
+  object["reason"] = or_null(summary.reason);
+  object["action"] = or_null(summary.action);
+  object["conclusion"] = or_null(summary.conclusion);
+  object["top_cause"] = or_null(summary.top_cause);
+  object["top_cause_probability"] = or_null(summary.top_cause_probability);
+}
+
+Json links_of(const std::string& base, bool done) {
+  Json links{{"self", base}, {"raw", base + "/raw"}, {"analyses", base + "/analyses"}, {"series", base + "/series"}};
+  if (done) links["analysis"] = base + "/analysis";
+  return links;
+}
+
+bool is_formula(std::string_view text) {
+  return !text.empty() && std::string_view("=+-@\t\r").find(text.front()) != std::string_view::npos;
+}
+
+std::string csv_cell(const Json& value) {
+  if (value.is_null()) return {};
+  if (!value.is_string()) {
+    const std::string text = dump_json(value);
+    return value.is_structured() ? csv_cell(Json(text)) : text;
+  }
+  std::string text = value.get<std::string>();
+  if (is_formula(text)) text.insert(0, 1, '\'');
+  if (text.find_first_of("\",\r\n;") == std::string::npos) return text;
+  std::string quoted = "\"";
+  for (const char c : text) quoted.append(c == '"' ? 2 : 1, c);
+  return quoted + '"';
+}
+
+bool wants_csv(const Request& request) {
+  const std::string format = request.parameter("format");
+  if (!format.empty()) return format == "csv";
+  return request.head.header("accept").value_or("").starts_with("text/csv");
+}
+
+Result<TimestampMs> time_parameter(std::string_view name, std::string_view text) {
+  if (const auto time = parse_rfc3339(text)) return *time;
+  Error error{.code = "bad_parameter"};
+  error.field = name;
+  error.found = text;
+  error.expected = "an RFC 3339 time, for instance 2026-08-03T09:12:44Z";
+  error.message = fmt::format("{}: '{}' is not {}", name, text, error.expected);
+  return tl::unexpected(error);
+}
+
+}  // namespace
+
+Json view(const RecordingRow& row) {
+  Json object{{"id", row.id},
+              {"submission_id", row.submission_id},
+              {"job_id", row.job_id},
+              {"state", to_text(row.state)},
+              {"received_at", format_rfc3339(row.received_at)},
+              {"name", row.name},
+              {"sha256", row.sha256},
+              {"size_bytes", row.size_bytes}};
+  add_labels(object, row.labels);
+  object["test"] = or_null(row.test);
+  object["stand"] = or_null(row.labels.stand);
+  add_summary(object, row.summary);
+  object["error"] = stored_json(row.problem_json);
+  object["links"] = links_of("/v1/recordings/" + row.id, row.state == JobState::kDone);
+  object["links"]["submission"] = "/v1/submissions/" + row.submission_id;
+  object["links"]["job"] = "/v1/jobs/" + row.job_id;
+  return object;
+}
+
+Json view(const SubmissionRow& row) {
+  Json object{{"id", row.id},
+              {"job_id", row.job_id},
+              {"state", to_text(row.state)},
+              {"received_at", format_rfc3339(row.received_at)}};
+  add_labels(object, row.labels);
+  object["stand"] = or_null(row.labels.stand);
+  object["recordings"] = row.recordings;
+  add_summary(object, row.summary);
+  object["error"] = stored_json(row.problem_json);
+  object["links"] = links_of("/v1/submissions/" + row.id, row.state == JobState::kDone);
+  object["links"]["job"] = "/v1/jobs/" + row.job_id;
+  return object;
+}
+
+Json view(const SubmissionRow& row, const std::vector<RecordingRow>& recordings) {
+  Json object = view(row);
+  object["recordings"] = Json::array();
+  for (const RecordingRow& recording : recordings) object["recordings"].push_back(view(recording));
+  return object;
+}
+
+Json view(const JobRow& row) {
+  return Json{{"id", row.id},
+              {"submission_id", row.submission_id},
+              {"state", to_text(row.state)},
+              {"created_at", format_rfc3339(row.created_at)},
+              {"started_at", time_or_null(row.started_at)},
+              {"finished_at", time_or_null(row.finished_at)},
+              {"attempt", row.attempt},
+              {"progress", row.progress},
+              {"progress_note", row.progress_note},
+              {"analysis_id", or_null(row.analysis_id)},
+              {"error", stored_json(row.problem_json)},
+              {"links", Json{{"self", "/v1/jobs/" + row.id}, {"submission", "/v1/submissions/" + row.submission_id}}}};
+}
+
+Json view(const AnalysisRow& row) {
+  Json object{{"id", row.id},
+              {"submission_id", row.submission_id},
+              {"job_id", row.job_id},
+              {"created_at", format_rfc3339(row.created_at)},
+              {"engine_version", row.engine_version},
+              {"settings_sha256", row.settings_sha256},
+              {"result_sha256", row.result_sha256}};
+  add_summary(object, row.summary);
+  object["links"] = Json{{"self", "/v1/analyses/" + row.id}};
+  return object;
+}
+
+Json view(const LotRow& row) {
+  Json verdicts = Json::object(), causes = Json::object();
+  for (const auto& [verdict, valves] : row.verdicts) verdicts[verdict.empty() ? "null" : verdict] = valves;
+  for (const auto& [cause, valves] : row.causes) causes[cause] = valves;
+  const std::string self = "/v1/lots/" + percent_encode(row.lot);
+  return Json{{"lot", row.lot},
+              {"first_received_at", format_rfc3339(row.first_received_at)},
+              {"last_received_at", format_rfc3339(row.last_received_at)},
+              {"recordings", row.recordings},
+              {"submissions", row.submissions},
+              {"valves", row.valves},
+              {"analysed_valves", row.analysed_valves},
+              {"verdicts", verdicts},
+              {"causes", causes},
+              {"links", Json{{"self", self}, {"history", self + "/history"}}}};
+}
+
+Json view(const FindingRow& row) {
+  return Json{{"id", row.id},
+              {"serial", row.serial},
+              {"cause", row.cause},
+              {"who", row.found_by},
+              {"when", format_rfc3339(row.found_at)},
+              {"note", row.note},
+              {"created_at", format_rfc3339(row.created_at)}};
+}
+
+Json view(const DocumentRow& row) {
+  const std::string_view kind = row.kind == DocumentKind::kReference ? "references" : "rule-bases";
+  return Json{
+      {"valve_type", row.valve_type},
+      {"version", row.version},
+      {"sha256", row.sha256},
+      {"created_at", format_rfc3339(row.created_at)},
+      {"created_by", row.created_by},
+      {"links",
+       Json{{"self", fmt::format("/v1/valve-types/{}/{}/{}", percent_encode(row.valve_type), kind, row.version)}}}};
+}
+
+Response json_response(const Json& document, int status) {
+  Response response;
+  response.status = status;
+  response.body = dump_json(document);
+  return response;
+}
+
+Response list_response(const Request& request, std::vector<Json> items, const std::optional<std::string>& next) {
+  if (!wants_csv(request)) {
+    return json_response(Json{{"items", std::move(items)}, {"next", or_null(next)}});
+  }
+  Response response;
+  response.content_type = "text/csv; charset=utf-8; header=present";
+  response.body = to_csv(items);
+  if (next) response.set_header("X-Next-Cursor", *next);
+  response.set_header("Content-Disposition", "attachment; filename=\"list.csv\"");
+  return response;
+}
+
+Result<PageRequest> page_request(const Request& request) {
+  PageRequest page{.limit = static_cast<int>(kDefaultPageItems), .cursor = std::nullopt};
+  if (const auto text = request.head.parameter("limit")) {
+    const auto [end, error] = std::from_chars(text->data(), text->data() + text->size(), page.limit);
+    if (error != std::errc() || end != text->data() + text->size() || page.limit < 1 || page.limit > kMaxPageLimit) {
+      Error bad{.code = "bad_parameter", .message = fmt::format("limit is a number from 1 to {}", kMaxPageLimit)};
+      bad.field = "limit";
+      bad.found = *text;
+      return tl::unexpected(bad);
+    }
+  }
+  if (const auto cursor = request.head.parameter("cursor")) page.cursor = std::string(*cursor);
+  return page;
+}
+
+Result<Filter> filter_of(const Request& request) {
+  Filter filter;
+  const auto text = [&](std::string_view name) -> std::optional<std::string> {
+    const auto value = request.head.parameter(name);
+    return value && !value->empty() ? std::optional(std::string(*value)) : std::nullopt;
+  };
+  filter.lot = text("lot");
+  filter.serial = text("serial");
+  filter.valve_type = text("valve_type");
+  filter.stand = text("stand");
+  filter.verdict = text("verdict");
+  filter.cause = text("cause");
+  for (const auto& [name, field] : {std::pair("since", &Filter::since), std::pair("until", &Filter::until)}) {
+    const auto value = text(name);
+    if (!value) continue;
+    const auto time = time_parameter(name, *value);
+    if (!time) return tl::unexpected(time.error());
+    filter.*field = *time;
+  }
+  return filter;
+}
+
+std::string to_csv(const std::vector<Json>& items) {
+  std::string out;
+  if (items.empty()) return out;
+  const auto add_row = [&](auto&& cell_of) {
+    bool first = true;
+    for (const auto& [name, value] : items.front().items()) {
+      if (name == "links") continue;
+      if (!std::exchange(first, false)) out += ',';
+      out += cell_of(name);
+    }
+    out += "\r\n";
+  };
+  add_row([](const std::string& name) { return name; });
+  for (const Json& item : items) {
+    add_row([&](const std::string& name) { return item.contains(name) ? csv_cell(item[name]) : std::string(); });
+  }
+  return out;
+}
+
+}  // namespace valvetriage::http

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "server/http/exchange.h"
+#include "server/store/store.h"
+#include "server/wire/json.h"
+
+namespace valvetriage::http {
+
+/// Rows as the contract shows them (section 5).
+Json view(const RecordingRow& row);
+Json view(const SubmissionRow& row);
+/// The same with its recordings.
+Json view(const SubmissionRow& row, const std::vector<RecordingRow>& recordings);
+Json view(const JobRow& row);
+Json view(const AnalysisRow& row);
+Json view(const LotRow& row);
+Json view(const FindingRow& row);
+Json view(const DocumentRow& row);
+
+Response json_response(const Json& document, int status = 200);
+
+/// A list as JSON, {"items", "next"}, or as text/csv where `format=csv` or Accept asks for it. A CSV has the members of
+/// the items as its columns; `next` stands in the header X-Next-Cursor.
+Response list_response(const Request& request, std::vector<Json> items, const std::optional<std::string>& next);
+
+/// `limit` and `cursor`. Errors `bad_parameter`.
+Result<PageRequest> page_request(const Request& request);
+/// The filters of the lists. Errors `bad_parameter` for a time that is not RFC 3339.
+Result<Filter> filter_of(const Request& request);
+
+/// CSV rows of objects: RFC 4180, one header line, numbers as they are, texts that a spreadsheet would take for a
+/// formula (first character = + - @, tab, return) behind an apostrophe, other values as JSON text.
+std::string to_csv(const std::vector<Json>& items);
+
+}  // namespace valvetriage::http

@@ -1,0 +1,220 @@
+#include <gtest/gtest.h>
+
+#include "server/http/limits.h"
+#include "server/http/routes.h"
+#include "tests/contract/http_fixture.h"
+
+namespace valvetriage {
+namespace {
+
+constexpr const char* kGet = "GET /healthz HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n";
+constexpr const char* kPost = "POST /v1/recordings HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n";
+
+TEST(HttpFront, RefusesHeadsThatTwoReadersCouldTakeDifferently) {
+  TestServer server({});
+  const std::string get = kGet, post = kPost;
+  const std::vector<std::pair<std::string, int>> attacks{
+      {post + "Content-Length: 3\r\nTransfer-Encoding: chunked\r\n\r\n0\r\n\r\n", 400},
+      {post + "Content-Length: 3\r\nContent-Length: 4\r\n\r\nabcd", 400},
+      {post + "Content-Length: 3\r\nContent-Length: 3\r\n\r\nabc", 400},
+      {post + "Content-Length: abc\r\n\r\n", 400},
+      {post + "Content-Length: -1\r\n\r\n", 400},
+      {post + "Content-Length: +1\r\n\r\na", 400},
+      {post + "Content-Length: 0x10\r\n\r\n", 400},
+      {post + "Content-Length: 1, 1\r\n\r\na", 400},
+      {post + "Content-Length: 99999999999999999999999\r\n\r\n", 400},
+      {post + "Content-Length:\r\n\r\n", 400},
+      {post + "Transfer-Encoding: gzip, chunked\r\n\r\n0\r\n\r\n", 501},
+      {post + "Transfer-Encoding: xchunked\r\n\r\n0\r\n\r\n", 501},
+      {post + "Transfer-Encoding : chunked\r\n\r\n0\r\n\r\n", 400},
+      {post + "Transfer-Encoding: chunked\r\n\r\n-1\r\nabc\r\n0\r\n\r\n", 400},
+      {post + "Transfer-Encoding: chunked\r\n\r\nffffffffffffffffff\r\nabc\r\n0\r\n\r\n", 400},
+      {post + "Transfer-Encoding: chunked\r\n\r\n3\r\nabcd\r\n0\r\n\r\n", 400},
+      {post + "Transfer-Encoding: chunked\r\n\r\n3;\nx\r\nabc\r\n0\r\n\r\n", 400},
+      {get + "X: a\r\n b\r\n\r\n", 400},
+      {get + "X: a\rb\r\n\r\n", 400},
+      {get + std::string("X: a\0b\r\n\r\n", 11), 400},
+      {get + "X: a%0d%0aInjected: 1\r\n\r\n", 400},
+      {get + "X\r\n\r\n", 400},
+      {get + "X Y: 1\r\n\r\n", 400},
+      {get + ": 1\r\n\r\n", 400},
+      {"GET /healthz HTTP/1.1\nHost: localhost\n\n", 400},
+      {"GET /healthz HTTP/1.1\r\nConnection: close\r\n\r\n", 400},
+      {get + "Host: other\r\n\r\n", 400},
+      {"GET  /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n", 400},
+      {"GET /healthz\r\nHost: localhost\r\n\r\n", 400},
+      {"GET http://localhost/healthz HTTP/1.1\r\nHost: localhost\r\n\r\n", 400},
+      {"GET /%zz HTTP/1.1\r\nHost: localhost\r\n\r\n", 400},
+      {"GET /v1/lots/a%00b HTTP/1.1\r\nHost: localhost\r\n\r\n", 400},
+      {"GET /v1/recordings?lot=a%0ab HTTP/1.1\r\nHost: localhost\r\n\r\n", 400},
+      {"GET /v1/recordings?lot=a&lot=b HTTP/1.1\r\nHost: localhost\r\n\r\n", 400},
+      {"GET /healthz HTTP/2.0\r\nHost: localhost\r\n\r\n", 505},
+      {"\x16\x03\x01\x02\r\n\r\n", 400},
+      {get + "Expect: 200-ok\r\n\r\n", 417},
+  };
+  for (const auto& [bytes, status] : attacks) {
+    const RawAnswer answer = send_raw(server.port(), bytes);
+    EXPECT_EQ(answer.status, status) << bytes;
+    EXPECT_EQ(answer.header("Connection"), "close") << bytes;
+    EXPECT_EQ(answer.header("Content-Type"), "application/problem+json") << bytes;
+  }
+  EXPECT_EQ(server.get("/healthz").status, 200);
+}
+
+TEST(HttpFront, BoundsTheHeadInBytesAndInNumberOfHeaders) {
+  TestServer server({});
+  const auto with_headers = [&](std::size_t count) {
+    std::string bytes = kGet;  // Host and Connection are two of them
+    for (std::size_t i = 2; i < count; ++i) bytes += "X-" + std::to_string(i) + ": 1\r\n";
+    return send_raw(server.port(), bytes + "\r\n").status;
+  };
+  EXPECT_EQ(with_headers(http::kMaxHeaders), 200);
+  EXPECT_EQ(with_headers(http::kMaxHeaders + 1), 431);
+  const auto with_bytes = [&](std::size_t size) {
+    std::string bytes = std::string(kGet) + "X: ";
+    bytes += std::string(size - bytes.size() - 4, 'x') + "\r\n\r\n";
+    return send_raw(server.port(), bytes).status;
+  };
+  EXPECT_EQ(with_bytes(http::kMaxHeadBytes), 200);
+  EXPECT_EQ(with_bytes(http::kMaxHeadBytes + 1), 431);
+  EXPECT_EQ(send_raw(server.port(), std::string(1 << 20, 'x')).status, 431);
+}
+
+TEST(HttpFront, ServesManyRequestsOfOneConnectionAlsoWhenTheyComeAtOnce) {
+  TestServer server({});
+  const std::string one = "GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n";
+  const std::string body = good_csv("EFC-1");
+  const std::string post =
+      "POST /v1/recordings HTTP/1.1\r\nHost: localhost\r\nContent-Length: " + std::to_string(body.size()) + "\r\n\r\n" +
+      body;
+  const RawAnswer all = send_raw(server.port(), one + post + one + kGet + "\r\n");
+  const std::string text = all.head + all.body;
+  EXPECT_NE(text.find("202 Accepted"), std::string::npos);
+  std::size_t answers = 0;
+  for (auto at = text.find("HTTP/1.1 "); at != std::string::npos; at = text.find("HTTP/1.1 ", at + 1)) ++answers;
+  EXPECT_EQ(answers, 4u);
+}
+
+TEST(HttpFront, InvitesABodyOnlyWhenItWillBeRead) {
+  TestServer server({.tokens_required = true, .workers = 0, .limits = {}});
+  const RawAnswer refused =
+      send_raw(server.port(), std::string(kPost) + "Content-Length: 10\r\nExpect: 100-continue\r\n\r\n");
+  EXPECT_EQ(refused.status, 401);
+}
+
+TEST(HttpFront, TellsWhatIsNotThereAndWhatIsNotPossible) {
+  TestServer server({});
+  EXPECT_EQ(server.get("/v1/nothing").status, 404);
+  EXPECT_EQ(server.get("/v1/recordings/rec_x").status, 404);
+  EXPECT_EQ(server.get("/v1/recordings/rec_x/plot.svg").status, 404);
+  EXPECT_EQ(server.get("/../../etc/passwd").status, 404);
+  EXPECT_EQ(server.get("/web/..%2f..%2fetc%2fpasswd").status, 404);
+  const RawAnswer wrong = request(server.port(), "DELETE", "/v1/recordings");
+  EXPECT_EQ(wrong.status, 405);
+  EXPECT_EQ(wrong.header("Allow"), "GET, HEAD, OPTIONS, POST");
+  EXPECT_EQ(request(server.port(), "OPTIONS", "/v1/recordings").status, 204);
+  const RawAnswer head = request(server.port(), "HEAD", "/healthz");
+  EXPECT_EQ(head.status, 200);
+  EXPECT_TRUE(head.body.empty());
+  EXPECT_NE(head.header("Content-Length"), "0");
+  EXPECT_EQ(json_of(server.get("/v1/recordings?nonsense=1"))["code"], "unknown_parameter");
+  EXPECT_EQ(server.get("/v1/recordings?limit=0").status, 400);
+  EXPECT_EQ(server.get("/v1/recordings?limit=1001").status, 400);
+  EXPECT_EQ(server.get("/v1/recordings?cursor=nonsense").status, 400);
+  EXPECT_EQ(server.get("/v1/recordings?since=yesterday").status, 400);
+}
+
+TEST(HttpFront, KeepsPagesOfOtherSitesAway) {
+  TestServer server({});
+  const auto post = [&](const Headers& headers) {
+    return server.post("/v1/recordings", good_csv("EFC-1"), headers).status;
+  };
+  EXPECT_EQ(post({{"Origin", "http://evil.example"}}), 403);
+  EXPECT_EQ(post({{"Origin", "null"}}), 403);
+  EXPECT_EQ(post({{"Sec-Fetch-Site", "cross-site"}}), 403);
+  EXPECT_EQ(post({{"Origin", "http://localhost"}}), 202);
+  const std::string rebound = "GET /v1/lots HTTP/1.1\r\nHost: evil.example\r\nConnection: close\r\n\r\n";
+  EXPECT_EQ(send_raw(server.port(), rebound).status, 403);
+}
+
+TEST(HttpFront, ShowsThePageUnderAStrictPolicy) {
+  TestServer server({});
+  const RawAnswer page = server.get("/");
+  EXPECT_EQ(page.status, 200);
+  EXPECT_EQ(page.header("Content-Type"), "text/html; charset=utf-8");
+  EXPECT_NE(page.header("Content-Security-Policy").find("default-src 'none'; script-src 'self'"), std::string::npos);
+  EXPECT_EQ(page.header("X-Content-Type-Options"), "nosniff");
+  EXPECT_EQ(page.body.find("<script>"), std::string::npos);
+  EXPECT_EQ(server.get("/web/page.js").header("Content-Type"), "text/javascript; charset=utf-8");
+}
+
+TEST(HttpFront, ListsAsCsvThatASpreadsheetTakesForTextOnly) {
+  TestServer server({});
+  ASSERT_EQ(server.post("/v1/recordings?name=%3Dcmd%7C%27x%27%21A0&lot=%2Blot%2C%22q%22", good_csv("-S", "+lot,\"q\""))
+                .status,
+            202);
+  const RawAnswer list = server.get("/v1/recordings", {{"Accept", "text/csv"}});
+  EXPECT_TRUE(list.header("Content-Type").starts_with("text/csv"));
+  EXPECT_NE(list.body.find(",'=cmd|'x'!A0,"), std::string::npos) << list.body;
+  EXPECT_NE(list.body.find(",\"'+lot,\"\"q\"\"\",'-S,"), std::string::npos) << list.body;
+  EXPECT_EQ(server.get("/v1/recordings?format=csv").body, list.body);
+}
+
+TEST(HttpFront, PagesThroughAListWithoutLossOrRepetition) {
+  TestServer server({});
+  for (int i = 0; i < 7; ++i)
+    ASSERT_EQ(server.post("/v1/recordings", good_csv("EFC-" + std::to_string(i))).status, 202);
+  std::vector<std::string> serials;
+  std::string cursor;
+  do {
+    const Json page = json_of(server.get("/v1/recordings?limit=3" + cursor));
+    for (const Json& item : page["items"]) serials.push_back(item["serial"]);
+    cursor = page["next"].is_null() ? "" : "&cursor=" + http::percent_encode(page["next"].get<std::string>());
+  } while (!cursor.empty());
+  EXPECT_EQ(serials, (std::vector<std::string>{"EFC-6", "EFC-5", "EFC-4", "EFC-3", "EFC-2", "EFC-1", "EFC-0"}));
+}
+
+/// A path that fits the pattern.
+std::string path_of(const http::Route& route) {
+  std::string path;
+  for (std::size_t i = 0; i < route.pattern.size(); ++i) {
+    if (route.pattern[i] == '{') {
+      i = route.pattern.find('}', i);
+      path += "x";
+    } else {
+      path += route.pattern[i];
+    }
+  }
+  return path;
+}
+
+TEST(HttpAccess, IsGrantedByScopeOnEveryRouteOfTheTable) {
+  TestServer server({.tokens_required = true, .workers = 0, .limits = {}});
+  const std::string read = server.add_token({"read"}), submit = server.add_token({"submit"}),
+                    admin = server.add_token({"admin"});
+  const std::string revoked = server.add_token({"admin"});
+  const auto tokens = server.store().list_tokens();
+  ASSERT_TRUE(tokens);
+  ASSERT_TRUE(server.store().revoke_token(
+      tokens->back().created_at >= tokens->front().created_at ? tokens->back().id : tokens->front().id, "test"));
+  const auto status = [&](const http::Route& route, const std::string& token) {
+    Headers headers;
+    if (!token.empty()) headers.emplace_back("Authorization", "Bearer " + token);
+    return request(server.port(), std::string(route.method), path_of(route), "", headers).status;
+  };
+  for (const http::Route& route : http::routes()) {
+    SCOPED_TRACE(std::string(route.method) + " " + std::string(route.pattern));
+    const bool is_public = route.scope == http::Scope::kPublic;
+    const auto granted = [](int code) { return code != 401 && code != 403; };
+    EXPECT_EQ(granted(status(route, "")), is_public);
+    EXPECT_EQ(status(route, "") == 401, !is_public);
+    EXPECT_EQ(status(route, "vt_unknown") == 401, !is_public);
+    EXPECT_EQ(status(route, revoked) == 401, !is_public);
+    EXPECT_EQ(granted(status(route, read)), is_public || route.scope == http::Scope::kRead);
+    EXPECT_EQ(granted(status(route, submit)), is_public || route.scope == http::Scope::kSubmit);
+    EXPECT_TRUE(granted(status(route, admin)));
+  }
+}
+
+}  // namespace
+}  // namespace valvetriage

@@ -1,0 +1,74 @@
+// The contract tests of the service, and the child that their servers start for each job: this executable with the verb
+// `analysis-child`. `serve DIR` runs a server alone, for tests that kill it.
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <cstdio>
+#include <cstring>
+
+#include "core/recording/columns.h"
+#include "server/http/serve.h"
+#include "server/jobs/child_protocol.h"
+#include "server/wire/json.h"
+#include "server/wire/read_recording.h"
+#include "server/wire/sha256.h"
+
+namespace valvetriage {
+namespace {
+
+/// Reads every recording as the real analyser does, so that bad input is found; the result is its hash.
+Result<NewAnalysis> read_only_analysis(const JobSpec& spec, const ReportProgress& progress) {
+  const auto options = parse_json(spec.options_json);
+  if (!options) return tl::unexpected(options.error());
+  std::string hashes;
+  for (const JobFile& file : spec.files) {
+    ReadOptions read;
+    read.name = file.name;
+    read.allow_mat = true;
+    const auto mapping = parse_column_mapping(options->value("columns", ""));
+    if (!mapping) return tl::unexpected(mapping.error());
+    read.mapping = *mapping;
+    if (options->contains("sample_rate_hz")) read.mapping.sample_rate_hz = (*options)["sample_rate_hz"].get<double>();
+    const auto recording = read_recording_file(file.path, read);
+    if (!recording) return tl::unexpected(recording.error());
+    hashes += recording->sha256;
+    progress(0.5, "read");
+  }
+  NewAnalysis analysis{.engine_version = VALVETRIAGE_VERSION,
+                       .settings_sha256 = sha256_hex("none"),
+                       .result_sha256 = sha256_hex(hashes),
+                       .summary = {},
+                       .body_json = {}};
+  analysis.summary.verdict = "Good";
+  analysis.summary.action = "accept";
+  analysis.summary.errors = {{.level_a = 1.4, .error_eq20 = 2.5}};
+  analysis.body_json = dump_json(Json{{"schema", "valvetriage.analysis/1"}, {"result_sha256", analysis.result_sha256}});
+  return analysis;
+}
+
+int serve_alone(const char* folder) {
+  http::ServeOptions options;
+  options.listen = "127.0.0.1:0";
+  options.database_file = std::string(folder) + "/valvetriage.sqlite";
+  options.data_dir = folder;
+  options.log_requests = false;
+  const auto served = http::serve(options, [](const http::Endpoint& endpoint) {
+    fmt::print("{}\n", endpoint.port);
+    std::fflush(stdout);
+  });
+  if (served) return 0;
+  fmt::print(stderr, "{}\n", served.error().message);
+  return 1;
+}
+
+}  // namespace
+}  // namespace valvetriage
+
+int main(int argc, char** argv) {
+  if (argc > 1 && std::strcmp(argv[1], "analysis-child") == 0)
+    return valvetriage::run_child(valvetriage::read_only_analysis);
+  if (argc > 2 && std::strcmp(argv[1], "serve") == 0) return valvetriage::serve_alone(argv[2]);
+  testing::InitGoogleTest(&argc, argv);
+  return RUN_ALL_TESTS();
+}

@@ -1,0 +1,240 @@
+#include <gtest/gtest.h>
+#include <zlib.h>
+#include <zstd.h>
+
+#include "core/recording/limits.h"
+#include "server/wire/sha256.h"
+#include "tests/contract/bad_inputs.h"
+#include "tests/contract/http_fixture.h"
+
+namespace valvetriage {
+namespace {
+
+std::string gzip(const std::string& text) {
+  z_stream stream{};
+  deflateInit2(&stream, 6, Z_DEFLATED, 15 + 16, 8, Z_DEFAULT_STRATEGY);
+  std::string out(deflateBound(&stream, text.size()), '\0');
+  stream.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(text.data()));
+  stream.avail_in = static_cast<uInt>(text.size());
+  stream.next_out = reinterpret_cast<Bytef*>(out.data());
+  stream.avail_out = static_cast<uInt>(out.size());
+  deflate(&stream, Z_FINISH);
+  out.resize(stream.total_out);
+  deflateEnd(&stream);
+  return out;
+}
+
+std::string zstd(const std::string& text) {
+  std::string out(ZSTD_compressBound(text.size()), '\0');
+  out.resize(ZSTD_compress(out.data(), out.size(), text.data(), text.size(), 3));
+  return out;
+}
+
+std::string part(const std::string& boundary, const std::string& file_name, const std::string& content) {
+  return "--" + boundary + "\r\nContent-Disposition: form-data; name=\"file\"; filename=\"" + file_name + "\"\r\n\r\n" +
+         content + "\r\n";
+}
+
+std::string code_of(const RawAnswer& answer) {
+  return json_of(answer).value("code", "");
+}
+
+constexpr const char* kMultipart = "multipart/form-data; boundary=b1";
+
+TEST(HttpUpload, IsAcceptedWithItsHashItsLabelsAndItsLocation) {
+  TestServer server({});
+  const std::string csv = good_csv("EFC-1");
+  const RawAnswer answer = server.post("/v1/recordings?name=a.csv&stand=stand-3", csv);
+  ASSERT_EQ(answer.status, 202) << answer.body;
+  const Json recording = json_of(answer);
+  EXPECT_EQ(answer.header("Location"), "/v1/recordings/" + recording["id"].get<std::string>());
+  EXPECT_EQ(recording["state"], "queued");
+  EXPECT_EQ(recording["name"], "a.csv");
+  EXPECT_EQ(recording["sha256"], sha256_hex(csv));
+  EXPECT_EQ(recording["serial"], "EFC-1");
+  EXPECT_EQ(recording["lot"], "lot-1");
+  EXPECT_EQ(recording["test"], "step");
+  EXPECT_EQ(recording["stand"], "stand-3");
+  EXPECT_EQ(server.get(answer.header("Location") + "/raw").body, csv);
+}
+
+TEST(HttpUpload, OfTheSameBytesForTheSameLotAndSerialIsTheFirstRecording) {
+  TestServer server({});
+  const Json first = json_of(server.post("/v1/recordings", good_csv("EFC-1")));
+  const RawAnswer again = server.post("/v1/recordings", good_csv("EFC-1"));
+  EXPECT_EQ(again.status, 200);
+  EXPECT_EQ(json_of(again)["id"], first["id"]);
+  EXPECT_EQ(server.post("/v1/recordings", good_csv("EFC-2")).status, 202);
+}
+
+TEST(HttpUpload, WithoutASerialIsNeverADuplicate) {
+  TestServer server({});
+  const std::string csv = good_csv("").substr(good_csv("").find("time_s"));
+  const Json first = json_of(server.post("/v1/recordings", csv));
+  const RawAnswer again = server.post("/v1/recordings", csv);
+  EXPECT_EQ(again.status, 202);
+  EXPECT_NE(json_of(again)["id"], first["id"]);
+}
+
+TEST(HttpUpload, RepeatedUnderItsIdempotencyKeyIsAnsweredAsTheFirstTime) {
+  TestServer server({});
+  const Headers key{{"Idempotency-Key", "k-1"}};
+  const RawAnswer first = server.post("/v1/recordings", good_csv("EFC-1"), key);
+  const RawAnswer again = server.post("/v1/recordings", good_csv("EFC-1"), key);
+  EXPECT_EQ(first.status, 202);
+  EXPECT_EQ(first.header("Idempotency-Replayed"), "");
+  EXPECT_EQ(again.status, 202);
+  EXPECT_EQ(again.header("Idempotency-Replayed"), "true");
+  EXPECT_EQ(json_of(again)["id"], json_of(first)["id"]);
+  const RawAnswer other = server.post("/v1/recordings", good_csv("EFC-9"), key);
+  EXPECT_EQ(other.status, 422);
+  EXPECT_EQ(code_of(other), "idempotency_conflict");
+}
+
+TEST(HttpUpload, MayBeCompressedByEncodingOrByName) {
+  TestServer server({});
+  const std::string csv = good_csv("EFC-1"), hash = sha256_hex(csv);
+  EXPECT_EQ(json_of(server.post("/v1/recordings?lot=lot-1", gzip(csv), {{"Content-Encoding", "gzip"}}))["sha256"],
+            hash);
+  EXPECT_EQ(json_of(server.post("/v1/recordings", zstd(csv), {{"Content-Encoding", "zstd"}}))["sha256"], hash);
+  const std::string other = good_csv("EFC-2");
+  const Json by_name = json_of(server.post("/v1/recordings?name=a.csv.gz", gzip(other)));
+  EXPECT_EQ(by_name["sha256"], sha256_hex(other));
+  EXPECT_EQ(by_name["name"], "a.csv");
+  const RawAnswer unknown = server.post("/v1/recordings", csv, {{"Content-Encoding", "br"}});
+  EXPECT_EQ(unknown.status, 415);
+  EXPECT_EQ(code_of(unknown), "unsupported_encoding");
+}
+
+TEST(HttpUpload, OfSeveralFilesIsOneSubmission) {
+  TestServer server({});
+  const std::string second = good_csv("EFC-1") + "2.0000,1.4,30\n";
+  const std::string body =
+      part("b1", "C:\\stand\\a.csv", good_csv("EFC-1")) + part("b1", "b.csv.gz", gzip(second)) + "--b1--";
+  const RawAnswer answer = server.post("/v1/submissions", body, {{"Content-Type", kMultipart}});
+  ASSERT_EQ(answer.status, 202) << answer.body;
+  const Json submission = json_of(answer);
+  ASSERT_EQ(submission["recordings"].size(), 2u);
+  EXPECT_EQ(submission["recordings"][0]["name"], "a.csv");
+  EXPECT_EQ(submission["recordings"][1]["name"], "b.csv");
+  EXPECT_EQ(submission["recordings"][1]["sha256"], sha256_hex(second));
+  const std::string self = answer.header("Location");
+  EXPECT_EQ(code_of(server.get(self + "/raw")), "recording_needed");
+  EXPECT_EQ(server.get(self + "/raw?recording=" + submission["recordings"][1]["id"].get<std::string>()).body, second);
+}
+
+TEST(HttpUpload, OfFilesThatContradictEachOtherOrTheQueryIsRefused) {
+  TestServer server({});
+  const std::string body =
+      part("b1", "a.csv", good_csv("EFC-1")) + part("b1", "b.csv", good_csv("EFC-2")) + "--b1--\r\n";
+  const RawAnswer mixed = server.post("/v1/submissions", body, {{"Content-Type", kMultipart}});
+  EXPECT_EQ(mixed.status, 422);
+  EXPECT_EQ(code_of(mixed), "contradicting_metadata");
+  const RawAnswer query = server.post("/v1/recordings?serial=EFC-9", good_csv("EFC-1"));
+  EXPECT_EQ(query.status, 422);
+  EXPECT_EQ(json_of(query)["field"], "serial");
+  EXPECT_EQ(json_of(query)["found"], "EFC-1");
+}
+
+TEST(HttpUpload, ThatIsNoMultipartWhereItSaysSoIsRefused) {
+  TestServer server({});
+  const std::string good = part("b1", "a.csv", good_csv("EFC-1"));
+  const std::vector<std::pair<std::string, std::string>> bodies{
+      {"no boundary in it", "malformed_multipart"},
+      {good, "malformed_multipart"},  // never ends
+      {"--b1--\r\n", "no_files"},
+      {"--b1\r\nContent-Disposition: form-data; name=\"other\"\r\n\r\nx\r\n--b1--\r\n", "malformed_multipart"},
+      {"--b1\r\nX: " + std::string(20'000, 'x') + "\r\n\r\nx\r\n--b1--\r\n", "malformed_multipart"},
+      {good + part("b1", "b.csv", good_csv("EFC-1")) + "--b1--\r\n", "too_many_files"}};
+  for (const auto& [body, code] : bodies) {
+    EXPECT_EQ(code_of(server.post("/v1/recordings", body, {{"Content-Type", kMultipart}})), code) << body.substr(0, 80);
+  }
+  EXPECT_EQ(server.post("/v1/recordings", good, {{"Content-Type", "multipart/form-data"}}).status, 415);
+}
+
+TEST(HttpUpload, OfMoreThanTheBoundIsRefusedHoweverItIsSent) {
+  TestServer server({});
+  const std::string bomb = gzip(std::string(kMaxExpandedBytes + 1, '1'));
+  const RawAnswer refused = server.post("/v1/recordings", bomb, {{"Content-Encoding", "gzip"}});
+  EXPECT_EQ(refused.status, 413);
+  EXPECT_EQ(code_of(refused), "too_large");
+
+  std::string chunked =
+      "POST /v1/recordings HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\nTransfer-Encoding: chunked\r\n\r\n";
+  const std::string piece(std::size_t{1} << 20, '1');
+  for (std::size_t sent = 0; sent <= kMaxExpandedBytes; sent += piece.size()) chunked += "100000\r\n" + piece + "\r\n";
+  const RawAnswer cut = send_raw(server.port(), chunked + "0\r\n\r\n");
+  EXPECT_EQ(cut.status, 413);
+  EXPECT_EQ(server.post("/v1/recordings", good_csv("EFC-1")).status, 202);
+}
+
+TEST(HttpUpload, BeyondTheQueuesBoundIsTurnedAwayUntilThereIsRoom) {
+  TestServer::Options options;
+  options.limits.max_queued_jobs = 2;
+  TestServer server(options);
+  EXPECT_EQ(server.post("/v1/recordings", good_csv("EFC-1")).status, 202);
+  const Json second = json_of(server.post("/v1/recordings", good_csv("EFC-2")));
+  const RawAnswer refused = server.post("/v1/recordings", good_csv("EFC-3"));
+  EXPECT_EQ(refused.status, 503);
+  EXPECT_EQ(code_of(refused), "overloaded");
+  EXPECT_GE(std::stoi(refused.header("Retry-After")), 1);
+  EXPECT_EQ(server.post("/v1/jobs/" + second["job_id"].get<std::string>() + "/cancel", "").status, 200);
+  EXPECT_EQ(server.post("/v1/recordings", good_csv("EFC-3")).status, 202);
+}
+
+TEST(HttpUpload, IsAnalysedAndItsResultIsFoundEverywhere) {
+  TestServer server({.tokens_required = false, .workers = 1, .limits = {}});
+  const RawAnswer accepted = server.post("/v1/recordings?name=a.csv", good_csv("EFC-1"));
+  ASSERT_EQ(accepted.status, 202);
+  const std::string self = accepted.header("Location");
+  const Json done = server.await(self);
+  EXPECT_EQ(done["state"], "done") << done.dump(1);
+  EXPECT_EQ(done["verdict"], "Good");
+  EXPECT_EQ(json_of(server.get(self + "/analysis"))["schema"], "valvetriage.analysis/1");
+  EXPECT_EQ(json_of(server.get(self + "/analyses"))["items"].size(), 1u);
+  EXPECT_EQ(json_of(server.get("/v1/recordings?verdict=Good&lot=lot-1"))["items"].size(), 1u);
+  EXPECT_EQ(json_of(server.get("/v1/recordings?verdict=Severe"))["items"].size(), 0u);
+  EXPECT_EQ(json_of(server.get("/v1/lots/lot-1"))["verdicts"]["Good"], 1);
+  EXPECT_EQ(json_of(server.get("/v1/lots/lot-1/history"))["valves"].size(), 1u);
+  EXPECT_EQ(json_of(server.get("/v1/valves/EFC-1"))["submissions"].size(), 1u);
+  const Json series = json_of(server.get(self + "/series?what=measured&points=50"));
+  EXPECT_EQ(series["samples"], 400);
+  EXPECT_LE(series["values"].size(), 50u);
+
+  const RawAnswer again = server.post(self + "/reanalyze", "");
+  EXPECT_EQ(again.status, 202);
+  EXPECT_EQ(server.await(again.header("Location"))["state"], "done");
+  EXPECT_EQ(json_of(server.get(self + "/analyses"))["items"].size(), 2u);
+}
+
+TEST(HttpUpload, OfBadInputIsRejectedWithItsPositionAndAGoodOneFollows) {
+  TestServer server({.tokens_required = false, .workers = 1, .limits = {}});
+  int serial = 0;
+  for (const BadInput& bad : bad_inputs()) {
+    SCOPED_TRACE(bad.name);
+    const RawAnswer answer = server.post("/v1/recordings?name=" + bad.name + ".csv", bad.text);
+    Json problem = json_of(answer);
+    if (answer.status == 202) {
+      const Json rejected = server.await(answer.header("Location"));
+      EXPECT_EQ(rejected["state"], "rejected");
+      problem = rejected["error"];
+    } else {
+      EXPECT_EQ(answer.status, 422);
+      EXPECT_EQ(answer.header("Content-Type"), "application/problem+json");
+    }
+    ASSERT_TRUE(problem.is_object());
+    EXPECT_EQ(problem["code"], bad.code) << problem.dump();
+    if (bad.line) {
+      EXPECT_EQ(problem.value("line", 0u), *bad.line) << problem.dump();
+    }
+    if (bad.column) {
+      EXPECT_EQ(problem.value("column", 0u), *bad.column) << problem.dump();
+    }
+    const RawAnswer good = server.post("/v1/recordings", good_csv("EFC-" + std::to_string(++serial)));
+    ASSERT_EQ(good.status, 202);
+    EXPECT_EQ(server.await(good.header("Location"))["state"], "done");
+  }
+}
+
+}  // namespace
+}  // namespace valvetriage

@@ -1,0 +1,43 @@
+#include "server/http/lot_history.h"
+
+#include <gtest/gtest.h>
+
+namespace valvetriage::http {
+namespace {
+
+SubmissionRow row(const std::string& id, std::optional<std::string> serial, double error,
+                  JobState state = JobState::kDone) {
+  SubmissionRow row;
+  row.id = id;
+  row.state = state;
+  row.labels.serial = std::move(serial);
+  row.summary.errors = {{.level_a = 1.4, .error_eq20 = error}};
+  return row;
+}
+
+TEST(ControlLimits, AreThreeSigmaOfTheMovingRange) {
+  const auto limits = control_limits({10, 12, 11, 13});
+  ASSERT_TRUE(limits);
+  EXPECT_DOUBLE_EQ(limits->centre, 11.5);
+  EXPECT_NEAR(limits->upper - limits->centre, 3 * (5.0 / 3) / 1.128, 1e-12);  // ranges 2, 1, 2
+  EXPECT_FALSE(control_limits({10}));
+}
+
+TEST(ControlLimits, NeverGoBelowZero) {
+  EXPECT_EQ(control_limits({1, 9, 1, 9})->lower, 0);
+}
+
+TEST(LotHistory, CountsEachValveOnceByItsNewestResultOldestFirst) {
+  const LotHistory history =
+      lot_history({row("sub_5", "A", 5), row("sub_4", "C", 4, JobState::kFailed), row("sub_3", "B", 3),
+                   row("sub_2", std::nullopt, 2), row("sub_1", "A", 1), row("sub_0", std::nullopt, 0)});
+  std::vector<std::string> ids;
+  for (const SubmissionRow& valve : history.valves) ids.push_back(valve.id);
+  EXPECT_EQ(ids, (std::vector<std::string>{"sub_0", "sub_2", "sub_3", "sub_5"}));
+  ASSERT_EQ(history.levels.size(), 1u);
+  EXPECT_EQ(history.levels[0].errors, (std::vector<double>{0, 2, 3, 5}));
+  EXPECT_EQ(history.levels[0].valves, (std::vector<std::size_t>{0, 1, 2, 3}));
+}
+
+}  // namespace
+}  // namespace valvetriage::http

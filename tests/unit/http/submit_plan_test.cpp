@@ -1,0 +1,71 @@
+#include "server/http/submit_plan.h"
+
+#include <gtest/gtest.h>
+
+#include <fstream>
+
+#include "tests/contract/temporary_folder.h"
+
+namespace valvetriage::http {
+namespace {
+
+class SubmitPlan : public ::testing::Test {
+ protected:
+  std::string write(const std::string& name, const std::string& head) {
+    const std::filesystem::path file = folder_.file(name);
+    std::filesystem::create_directories(file.parent_path());
+    std::ofstream(file) << head << "time_s,current_A,pressure_psi\n";
+    return file.string();
+  }
+  static std::vector<std::size_t> sizes(const std::vector<PlannedSubmission>& plan) {
+    std::vector<std::size_t> all;
+    for (const PlannedSubmission& one : plan) all.push_back(one.files.size());
+    return all;
+  }
+
+  test::TemporaryFolder folder_;
+};
+
+TEST_F(SubmitPlan, MakesOneSubmissionOfEveryFolderThatHoldsRecordings) {
+  write("lot/valve-1/a.csv", "");
+  write("lot/valve-1/b.csv.gz", "");
+  write("lot/valve-1/notes.txt", "");
+  write("lot/valve-2/a.json", "");
+  const auto plan = plan_submissions({folder_.file("lot")}, {});
+  ASSERT_TRUE(plan);
+  EXPECT_EQ(sizes(*plan), (std::vector<std::size_t>{2, 1}));
+}
+
+TEST_F(SubmitPlan, GroupsFilesByLotAndSerialOfTheirHeads) {
+  const auto plan =
+      plan_submissions({write("1.csv", "# serial: A\n# lot: x\n"), write("2.csv", "# serial: B\n# lot: x\n"),
+                        write("3.csv", "# lot: x\n# serial: A\n"), write("4.csv", "# serial: A\n# lot: y\n"),
+                        write("5.csv", ""), write("6.csv", "")},
+                       {});
+  ASSERT_TRUE(plan);
+  EXPECT_EQ(sizes(*plan), (std::vector<std::size_t>{2, 1, 1, 1, 1}));
+  EXPECT_EQ((*plan)[0].title, "x A");
+}
+
+TEST_F(SubmitPlan, TakesTheCommandLinesSerialWhereFilesSayNone) {
+  Metadata labels;
+  labels.serial = "A";
+  const auto plan = plan_submissions({write("1.csv", ""), write("2.csv", "")}, labels);
+  ASSERT_TRUE(plan);
+  EXPECT_EQ(sizes(*plan), std::vector<std::size_t>{2});
+}
+
+TEST_F(SubmitPlan, NamesTheFileOrFolderThatCannotBeSent) {
+  EXPECT_EQ(plan_submissions({folder_.file("none.csv")}, {}).error().file, folder_.file("none.csv"));
+  EXPECT_EQ(plan_submissions({folder_.path()}, {}).error().code, "no_recordings");
+}
+
+TEST_F(SubmitPlan, KeysAnUploadByItsRouteAndContent) {
+  const std::string a = write("a.csv", "# serial: A\n"), b = write("b.csv", "# serial: B\n");
+  EXPECT_EQ(*content_key("/v1/recordings", {a}), *content_key("/v1/recordings", {a}));
+  EXPECT_NE(*content_key("/v1/recordings", {a}), *content_key("/v1/recordings", {b}));
+  EXPECT_NE(*content_key("/v1/recordings", {a}), *content_key("/v1/recordings?lot=x", {a}));
+}
+
+}  // namespace
+}  // namespace valvetriage::http
