@@ -7,6 +7,7 @@
 #include <sstream>
 
 #include "server/wire/json.h"
+#include "tests/contract/bad_inputs.h"
 #include "tests/contract/command_line.h"
 #include "tests/contract/temporary_folder.h"
 #include "tests/unit/wire/schema_check.h"
@@ -262,6 +263,17 @@ TEST_F(Cli, AWrongDocumentIsNamedWithWhatIsWrong) {
   const Outcome reference = test::valvetriage(analyze_arguments({"--reference", write("bad.json", "{\"schema\":")}));
   EXPECT_EQ(reference.status, 2);
   EXPECT_NE(reference.err.find("bad.json: line 1"), std::string::npos) << reference.err;
+}
+
+TEST_F(Cli, EveryBadInputIsStatus2WithItsFileAndItsLine) {
+  for (const BadInput& bad : bad_inputs()) {
+    const Outcome outcome = test::valvetriage({"analyze", bad.file});
+    EXPECT_EQ(outcome.status, 2) << bad.name;
+    EXPECT_EQ(outcome.out, "") << bad.name;
+    EXPECT_NE(outcome.err.find(std::filesystem::path(bad.file).filename().string()), std::string::npos) << outcome.err;
+    const std::string place = bad.line ? "line " + std::to_string(*bad.line) : "";
+    EXPECT_NE(outcome.err.find(place), std::string::npos) << outcome.err;
+  }
 }
 
 }  // namespace
