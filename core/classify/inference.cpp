@@ -8,11 +8,16 @@
 namespace valvetriage {
 namespace {
 
-double aggregate(std::span<const FiredSet> fired, Implication implication, double z) {
+double combine(Aggregation aggregation, double a, double b) {
+  return aggregation == Aggregation::kMaximum ? std::max(a, b) : a + b;
+}
+
+double aggregate(std::span<const FiredSet> fired, Implication implication, Aggregation aggregation, double z) {
   double height = 0;
   for (const auto& [shape, strength] : fired) {
     const double mu = membership(shape, z);
-    height = std::max(height, implication == Implication::kMinimum ? std::min(strength, mu) : strength * mu);
+    height =
+        combine(aggregation, height, implication == Implication::kMinimum ? std::min(strength, mu) : strength * mu);
   }
   return height;
 }
@@ -36,8 +41,8 @@ Piece piece_inside(const FiredSet& set, Implication implication, double from, do
   // Two inner points, since a vertical edge at an end has two values there.
   const FiredSet one[] = {set};
   const double third = (to - from) / 3;
-  const double p = aggregate(one, implication, from + third);
-  const double q = aggregate(one, implication, to - third);
+  const double p = aggregate(one, implication, Aggregation::kMaximum, from + third);
+  const double q = aggregate(one, implication, Aggregation::kMaximum, to - third);
   return {2 * p - q, 2 * q - p};
 }
 
@@ -110,7 +115,8 @@ const LevelFeatures* find_level(std::span<const LevelFeatures> features, double 
 
 }  // namespace
 
-std::optional<double> exact_centroid(std::span<const FiredSet> fired, Implication implication) {
+std::optional<double> exact_centroid(std::span<const FiredSet> fired, Implication implication,
+                                     Aggregation aggregation) {
   const std::vector<double> corners = aggregate_corners(fired, implication);
   double area = 0;
   double moment = 0;
@@ -118,8 +124,8 @@ std::optional<double> exact_centroid(std::span<const FiredSet> fired, Implicatio
     const double from = corners[k];
     const double width = corners[k + 1] - from;
     if (width <= 0) continue;
-    const double p = aggregate(fired, implication, from + width / 3);
-    const double q = aggregate(fired, implication, from + 2 * width / 3);
+    const double p = aggregate(fired, implication, aggregation, from + width / 3);
+    const double q = aggregate(fired, implication, aggregation, from + 2 * width / 3);
     const double left = 2 * p - q;
     const double right = 2 * q - p;
     area += width * (left + right) / 2;
@@ -161,13 +167,13 @@ Result<LevelClassification> classify_level(const RuleBase& base, const LevelRule
     if (!strength) continue;
     result.rules.push_back({r, rule_text(level, rule), *strength});
     double& degree = result.memberships[index_of(rule.then)];
-    degree = std::max(degree, *strength);
+    degree = combine(base.aggregation, degree, *strength);
   }
-  // max over rules commutes with min(w, S) and with w S, so one set per verdict carries the whole aggregate.
+  // Max over rules commutes with min(w, S) and with w S, a sum with w S, so one set per verdict carries the aggregate.
   std::vector<FiredSet> fired;
   for (const OutputSet& output : level.output)
     fired.push_back({output.shape, result.memberships[index_of(output.verdict)]});
-  const auto centroid = exact_centroid(fired, base.implication);
+  const auto centroid = exact_centroid(fired, base.implication, base.aggregation);
   if (!centroid) {
     return fail("no_rule_fires", fmt::format("rule base '{}', level {}: no rule fires at error {:g}", base.name,
                                              level.name, features.error_eq20));

@@ -19,12 +19,13 @@ struct FiredSet {
 /// Centre of gravity of the aggregated conclusion, exact: the aggregate is piecewise linear and is integrated piece by
 /// piece between its corners and crossings, not sampled.
 ///
-///   μ(z) = max_i min(w_i, S_i(z))  or  max_i w_i S_i(z)        z* = ∫ z μ(z) dz / ∫ μ(z) dz
+///   μ(z) = max_i min(w_i, S_i(z))  or  max_i w_i S_i(z)  or sums in place of max     z* = ∫ z μ(z) dz / ∫ μ(z) dz
 ///
 /// Source   Mamdani and Assilian, Int. J. Man-Machine Studies 7 (1975) 1; centre of gravity as in Lee, IEEE SMC 20
 /// (1990) Range    inside the union of the supports that fired; nothing where no strength is positive Cost     O(m³)
 /// for m sets (at most 3 here)
-std::optional<double> exact_centroid(std::span<const FiredSet> fired, Implication implication);
+std::optional<double> exact_centroid(std::span<const FiredSet> fired, Implication implication,
+                                     Aggregation aggregation = Aggregation::kMaximum);
 
 /// What is known of a valve at one current level.
 ///
@@ -51,8 +52,8 @@ struct FiredRule {
 struct LevelClassification {
   std::string level;  ///< name of the level in the rule base
   Verdict verdict = Verdict::kGood;
-  Memberships memberships{};               ///< per class, the strongest rule that concludes it
-  double centroid = 0;                     ///< defuzzified value on the output axis
+  Memberships memberships{};  ///< per class, the strongest rule that concludes it, or the sum of them (aggregation)
+  double centroid = 0;        ///< defuzzified value on the output axis
   std::vector<FiredRule> rules{};          ///< every rule that took part, also those at strength 0
   std::vector<Quantity> inputs_missing{};  ///< known to the rule base, not measured here
 };

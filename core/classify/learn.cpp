@@ -12,9 +12,6 @@ namespace {
 
 /// Further inputs must separate neighbouring classes at least this well (Somers' D, 1 = perfectly).
 constexpr double kLeastSeparation = 0.5;
-/// Crossings tried per boundary when levels are tuned together: enough to follow 64 distinct errors.
-constexpr std::size_t kMostCandidates = 64;
-constexpr int kMostSweeps = 20;
 
 /// Values of one quantity at one level, by class.
 using ByClass = std::array<std::vector<double>, kVerdictCount>;
@@ -119,102 +116,54 @@ void make_monotone(LearnedInput& input) {
   }
 }
 
-/// Moves the crossings of all levels together to where the worse-of-levels rule gets fewest labelled valves wrong.
-class JointCrossings {
- public:
-  JointCrossings(std::span<const LabelledValve> valves, const std::vector<Verdict>& classes,
-                 std::vector<LearnedLevel>& levels)
-      : classes_(classes), levels_(levels) {
-    std::array<double, kVerdictCount> count{};
-    for (const LabelledValve& valve : valves) count[index_of(valve.verdict)] += 1;
+/// Whether the crossings of every level put every labelled valve on its own side, level by level.
+bool every_level_separates(std::span<const LabelledValve> valves, const std::vector<Verdict>& classes,
+                           const std::vector<LearnedLevel>& levels) {
+  for (const LearnedLevel& level : levels) {
     for (const LabelledValve& valve : valves) {
-      const auto position = std::find(classes.begin(), classes.end(), valve.verdict) - classes.begin();
-      truth_.push_back(std::size_t(position));
-      weight_.push_back(1 / count[index_of(valve.verdict)]);
-    }
-    for (const LearnedLevel& level : levels) {
-      auto& errors = errors_.emplace_back();
-      for (const LabelledValve& valve : valves) {
-        const LevelFeatures* features = level_of(valve, level.level_a);
-        errors.push_back(features ? std::optional(features->error_eq20) : std::nullopt);
-      }
-    }
-  }
-
-  void improve() {
-    double best = loss();
-    for (int sweep = 0; sweep < kMostSweeps && best > 0; ++sweep) {
-      const double before = best;
-      for (std::size_t l = 0; l < levels_.size(); ++l) {
-        for (std::size_t k = 0; k + 1 < classes_.size(); ++k) best = improve_one(l, k, best);
-      }
-      if (best >= before) return;
-    }
-  }
-
- private:
-  std::vector<Crossing>& crossings(std::size_t level) { return levels_[level].inputs.front().crossings; }
-
-  /// Class-balanced cost: how many classes each labelled valve is away from its own.
-  double loss() {
-    double sum = 0;
-    for (std::size_t v = 0; v < truth_.size(); ++v) {
+      const LevelFeatures* features = level_of(valve, level.level_a);
+      if (features == nullptr) continue;
       std::size_t verdict = 0;
-      for (std::size_t l = 0; l < levels_.size(); ++l) {
-        if (!errors_[l][v]) continue;
-        for (std::size_t k = 0; k < crossings(l).size(); ++k) {
-          if (*errors_[l][v] >= crossings(l)[k].at) verdict = std::max(verdict, k + 1);
-        }
-      }
-      sum += weight_[v] * std::abs(double(verdict) - double(truth_[v]));
+      for (const Crossing& crossing : level.inputs.front().crossings) verdict += features->error_eq20 >= crossing.at;
+      if (classes[verdict] != valve.verdict) return false;
     }
-    return sum;
   }
+  return true;
+}
 
-  std::vector<double> candidates(std::size_t level) const {
-    std::vector<double> errors;
-    for (const auto& error : errors_[level]) {
-      if (error) errors.push_back(*error);
-    }
-    std::sort(errors.begin(), errors.end());
-    errors.erase(std::unique(errors.begin(), errors.end()), errors.end());
-    std::vector<double> all;
-    for (std::size_t i = 0; i + 1 < errors.size(); ++i) all.push_back((errors[i] + errors[i + 1]) / 2);
-    // Past the largest error: this level then never speaks.
-    all.push_back(errors.back() + std::max(errors.back() - errors.front(), 1e-6 * std::abs(errors.back())));
-    if (all.size() <= kMostCandidates) return all;
-    std::vector<double> some;
-    for (std::size_t i = 1; i <= kMostCandidates; ++i) some.push_back(all[i * all.size() / kMostCandidates - 1]);
-    return some;
+/// How bad a valve is by its worst level: the largest error over what the better class shows at that level.
+double worst_score(const LabelledValve& valve, const std::vector<LearnedLevel>& levels,
+                   const std::vector<double>& scale) {
+  double score = 0;
+  for (std::size_t l = 0; l < levels.size(); ++l) {
+    const LevelFeatures* features = level_of(valve, levels[l].level_a);
+    if (features != nullptr) score = std::max(score, features->error_eq20 / scale[l]);
   }
+  return score;
+}
 
-  double improve_one(std::size_t level, std::size_t k, double best) {
-    auto& own = crossings(level);
-    const double start = own[k].at;
-    double chosen = start;
-    for (const double candidate : candidates(level)) {
-      if ((k > 0 && candidate <= own[k - 1].at) || (k + 1 < own.size() && candidate >= own[k + 1].at)) continue;
-      own[k].at = candidate;
-      const double now = loss();
-      constexpr double kRounding = 1e-12;
-      const bool fewer = now < best - kRounding;
-      const bool nearer =
-          now <= best + kRounding && chosen != start && std::abs(candidate - start) < std::abs(chosen - start);
-      if (fewer || nearer) {
-        best = std::min(best, now);
-        chosen = candidate;
-      }
-    }
-    own[k].at = chosen;
-    return best;
+/// Places boundary k of all levels together, by the valves' worst levels. Errors are positive and grow by factors, so
+/// the crossing is the geometric middle of the quartiles.
+void place_jointly(std::span<const LabelledValve> valves, const std::vector<Verdict>& classes, std::size_t k,
+                   std::vector<LearnedLevel>& levels) {
+  std::vector<double> scale;
+  for (const LearnedLevel& level : levels) {
+    const ByClass errors = values_by_class(valves, level.level_a, Quantity::kError);
+    scale.push_back(std::max(quantile(errors[index_of(classes[k])], 0.75), 1e-9));
   }
-
-  const std::vector<Verdict>& classes_;
-  std::vector<LearnedLevel>& levels_;
-  std::vector<std::size_t> truth_;
-  std::vector<double> weight_;
-  std::vector<std::vector<std::optional<double>>> errors_;
-};
+  std::vector<double> better, worse;
+  for (const LabelledValve& valve : valves) {
+    if (valve.verdict == classes[k]) better.push_back(worst_score(valve, levels, scale));
+    if (valve.verdict == classes[k + 1]) worse.push_back(worst_score(valve, levels, scale));
+  }
+  const double upper = quantile(better, 0.75);
+  const double lower = std::max(quantile(worse, 0.25), 1e-9);
+  const double middle = std::sqrt(upper * lower);
+  for (std::size_t l = 0; l < levels.size(); ++l) {
+    const double half_width = std::min(std::abs(middle - upper), std::abs(lower - middle));
+    levels[l].inputs.front().crossings[k] = {middle * scale[l], half_width * scale[l]};
+  }
+}
 
 FuzzyInput fuzzy_input(const LearnedInput& learned, const std::vector<Verdict>& classes) {
   FuzzyInput input{.quantity = learned.quantity};
@@ -286,10 +235,14 @@ RuleBase build(const std::vector<LearnedLevel>& levels, const std::vector<Verdic
                const LearnOptions& options) {
   RuleBase base{.name = options.name, .version = options.version, .description = options.description};
   base.window = options.window;
-  // Product, not minimum: with several inputs a smooth monotone rule table keeps its centroid monotone under the
-  // product (Van Broekhoven and De Baets, IEEE Trans. Fuzzy Systems 17 (2009) 1157). With one input there is no
-  // difference.
+  // The degrees of an input's sets add up to 1 and the conclusions are triangles of one area, so with products and sums
+  // the centroid interpolates between the conclusions of a monotone rule table: several inputs stay monotone.
   base.conjunction = Conjunction::kProduct;
+  const bool several = std::any_of(levels.begin(), levels.end(), [](const auto& l) { return l.inputs.size() > 1; });
+  if (several) {
+    base.implication = Implication::kProduct;
+    base.aggregation = Aggregation::kSum;
+  }
   for (const LearnedLevel& learned : levels) {
     LevelRules level{.name = level_name(learned.level_a), .level_a = learned.level_a};
     for (const LearnedInput& input : learned.inputs) level.inputs.push_back(fuzzy_input(input, classes));
@@ -416,7 +369,9 @@ Result<LearnedRuleBase> learn_rule_base(std::span<const LabelledValve> valves, c
   }
   auto levels = place_levels(valves, *classes, options, learned.notes);
   if (!levels) return tl::unexpected(levels.error());
-  JointCrossings(valves, *classes, *levels).improve();
+  if (!every_level_separates(valves, *classes, *levels)) {
+    for (std::size_t k = 0; k + 1 < classes->size(); ++k) place_jointly(valves, *classes, k, *levels);
+  }
   for (LearnedLevel& level : *levels) make_monotone(level.inputs.front());
   learned.base = build(*levels, *classes, options);
   learned.wrong = count_wrong(learned.base, valves);

@@ -38,16 +38,21 @@ struct LearnedRuleBase {
 /// Per level and quantity, the sets of neighbouring classes cross half way between the upper quartile of the better
 /// class and the lower quartile of the worse one; each ramp runs from the one quartile to the other, so that the
 /// degrees of two neighbours add up to 1 and a wide overlap gives a wide ramp. Quartiles, since extremes of a few
-/// valves move with every valve. Then, since a valve is as bad as its worst level, a crossing moves where that makes
-/// fewer of the labelled valves wrong (a fault that shows at one level only must not draw the other levels' crossings
-/// into the good valves). Settling error and rise time join where they separate the classes in the same order; a rule
-/// then concludes the weighted mean of its sets, weights by how well each separates (Somers' D). Rules for every set of
-/// measured inputs are in the base, so that it still classifies where one is absent.
+/// valves move with every valve.
+///
+/// A valve is as bad as its worst level. Where some level on its own does not separate the classes (a fault may show at
+/// one level only), the crossings of all levels are placed together: each error is taken relative to the upper quartile
+/// of the better class at its level, a valve's score is the largest of these, and the crossing is the geometric middle
+/// between the scores' quartiles. So the levels a fault does not show at are not drawn into the good valves.
+///
+/// Settling error and rise time join where they separate the classes in the same order; a rule then concludes the
+/// weighted mean of its sets, weights by how well each separates (Somers' D). Rules for every set of measured inputs
+/// are in the base, so that it still classifies where one is absent.
 ///
 /// With only two classes labelled it is a two-class base, and a note says so.
 /// Errors   `too_few_labels` (Good and at least one other class, each with fewest_per_class valves),
 ///          `level_missing` (no level with enough valves of every class), `not_finite`
-/// Cost     O(levels · n · 64) and the check; deterministic
+/// Cost     O(levels · n log n) and the check; deterministic
 Result<LearnedRuleBase> learn_rule_base(std::span<const LabelledValve> valves, const LearnOptions& options);
 
 /// Linear interpolation between order statistics (Hyndman and Fan's type 7); values need not be sorted, at least one.

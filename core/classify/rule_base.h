@@ -82,6 +82,10 @@ enum class Conjunction : std::uint8_t { kMinimum, kProduct };
 /// How a firing strength acts on the rule's conclusion: the output set is clipped (Mamdani) or scaled (Larsen).
 enum class Implication : std::uint8_t { kMinimum, kProduct };
 
+/// How the conclusions of several rules become one: the upper envelope (Mamdani), or their sum (Kosko's standard
+/// additive model, which interpolates between the conclusions of a monotone rule table and so is itself monotone).
+enum class Aggregation : std::uint8_t { kMaximum, kSum };
+
 /// At which rate and over which window Eq 20 was computed for this rule base; there is no conversion afterwards.
 struct FeatureWindow {
   double rate_hz = 0;
@@ -103,6 +107,7 @@ struct RuleBase {
   std::optional<FeatureWindow> window{};
   Conjunction conjunction = Conjunction::kMinimum;
   Implication implication = Implication::kMinimum;
+  Aggregation aggregation = Aggregation::kMaximum;
   std::vector<LevelRules> levels{};
 };
 

@@ -140,6 +140,14 @@ RuleBase read_rule_base(JsonFields& fields) {
   }
   base.conjunction = read_operator<Conjunction>(fields, "conjunction");
   base.implication = read_operator<Implication>(fields, "implication");
+  if (fields.has("aggregation")) {
+    const auto read = [](std::string_view found) -> std::optional<Aggregation> {
+      if (found == "maximum") return Aggregation::kMaximum;
+      if (found == "sum") return Aggregation::kSum;
+      return std::nullopt;
+    };
+    base.aggregation = word(fields, "aggregation", read, "maximum or sum");
+  }
   for (JsonFields& level : bounded_objects(fields, "levels", kMaxLevels)) base.levels.push_back(read_level(level));
   return base;
 }
@@ -224,6 +232,7 @@ Json to_json(const RuleBase& base) {
   }
   json["conjunction"] = base.conjunction == Conjunction::kMinimum ? "minimum" : "product";
   json["implication"] = base.implication == Implication::kMinimum ? "minimum" : "product";
+  if (base.aggregation == Aggregation::kSum) json["aggregation"] = "sum";  // maximum where it is not said
   json["levels"] = Json::array();
   for (const LevelRules& level : base.levels) json["levels"].push_back(level_json(level));
   return json;

@@ -39,8 +39,9 @@ RuleBase rule_base() {
   base.window = FeatureWindow{.rate_hz = 200, .duration_s = 2, .unit = "psi"};
   for (const double level : {1.4, 1.6}) {
     LevelRules rules{.name = level_name(level), .level_a = level};
-    rules.inputs = {{Quantity::kError,
-                     {{"small", left_trapezoid(15, 25)}, {"middle", {15, 25, 180, 220}}, {"large", right_trapezoid(180, 220)}}}};
+    rules.inputs = {
+        {Quantity::kError,
+         {{"small", left_trapezoid(15, 25)}, {"middle", {15, 25, 180, 220}}, {"large", right_trapezoid(180, 220)}}}};
     rules.output = {{Verdict::kGood, triangle(-0.5, 0, 0.5)},
                     {Verdict::kMalfunctioned, triangle(0, 0.5, 1)},
                     {Verdict::kSevere, triangle(0.5, 1, 1.5)}};
@@ -58,7 +59,8 @@ Analysis analysed(const std::vector<Recording>& recordings, AnalysisOptions opti
 }
 
 TEST(Analyze, AGoodValveIsGoodAndItsSimulationLeavesTheNoise) {
-  const auto analysis = analysed(test::session({}, kNoise_psi, 900), {.reference = reference(), .rule_base = rule_base()});
+  const auto analysis =
+      analysed(test::session({}, kNoise_psi, 900), {.reference = reference(), .rule_base = rule_base()});
   EXPECT_EQ(analysis.classification.verdict, "Good");
   EXPECT_EQ(analysis.classification.action, "accept");
   EXPECT_EQ(analysis.baseline.kind, BaselineKind::kReference);
@@ -69,7 +71,8 @@ TEST(Analyze, AGoodValveIsGoodAndItsSimulationLeavesTheNoise) {
 }
 
 TEST(Analyze, ASlowValveIsJudgedAgainstThePopulationAndNotAgainstItself) {
-  const auto analysis = analysed(test::session(slow_valve(), kNoise_psi, 900), {.reference = reference(), .rule_base = rule_base()});
+  const auto analysis =
+      analysed(test::session(slow_valve(), kNoise_psi, 900), {.reference = reference(), .rule_base = rule_base()});
   ASSERT_TRUE(analysis.classification.verdict);
   EXPECT_NE(*analysis.classification.verdict, "Good");
   EXPECT_EQ(analysis.classification.action, "reject");

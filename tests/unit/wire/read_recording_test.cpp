@@ -19,7 +19,8 @@ namespace {
 
 std::string csv_text(std::size_t rows = 60) {
   std::string text = "# serial: 7\ntime_s,current_A,pressure_psi\n";
-  for (std::size_t i = 0; i < rows; ++i) text += fmt::format("{},{},{}\n", 0.005 * static_cast<double>(i), i < 20 ? 1.0 : 1.2, (i * 7) % 13);
+  for (std::size_t i = 0; i < rows; ++i)
+    text += fmt::format("{},{},{}\n", 0.005 * static_cast<double>(i), i < 20 ? 1.0 : 1.2, (i * 7) % 13);
   return text;
 }
 
