@@ -26,7 +26,7 @@ def run(*command):
 
 def feature_table(folder, seed, reference):
     """Labelled valves of one seed, analysed one by one; the path of their table."""
-    run(stand, "labelled", "--out", folder / "valves", "--seed", seed)
+    run(stand, "labelled", "--out", folder / "valves", "--seed", seed, "--tests", "step")
     (folder / "analyses").mkdir()
     for valve in sorted((folder / "valves").iterdir()):
         if valve.is_dir():
