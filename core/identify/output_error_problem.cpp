@@ -25,48 +25,175 @@ Index as_index(std::size_t n) {
   return static_cast<Index>(n);
 }
 
-std::span<const double> span_of(const VectorXd& v) {
-  return {v.data(), static_cast<std::size_t>(v.size())};
-}
-std::span<double> column(MatrixXd& m, Index j) {
-  return {m.col(j).data(), static_cast<std::size_t>(m.rows())};
-}
+constexpr std::size_t kSettlingPeriod = 128;  // samples between looks at responses that have died out
 
-constexpr Index kSettlingPeriod = 128;  // samples between looks at responses that have died out
-
-/// Columns y_m, v_m, y_(m−1), … of a cascade driven by x, in the order of basis_numerators. Sample by sample through
-/// all sections: their recursions are independent within a sample and overlap in the processor.
-void run_cascade(std::span<const Section> sections, std::span<const double> x, double rest, MatrixXd& columns) {
-  std::array<SectionState, kMaxIdentifiedOrder> states;
-  std::array<double*, kMaxIdentifiedOrder> levels{};
-  std::array<double*, kMaxIdentifiedOrder> differences{};
-  std::vector<double> unused(x.size());
-  const std::size_t count = sections.size();
-  Index next = order_of(sections);
-  for (std::size_t s = 0; s < count; ++s) {
-    next -= sections[s].order;
-    states[s] = SectionState(sections[s], rest);
-    levels[s] = columns.col(next).data();
-    differences[s] = sections[s].order == 2 ? columns.col(next + 1).data() : unused.data();
-  }
-  for (std::size_t t = 0; t < x.size(); ++t) {
-    double signal = x[t];
-    for (std::size_t s = 0; s < count; ++s) {
-      levels[s][t] = signal = states[s].step(signal);
-      differences[s][t] = states[s].difference;
+/// Sections at work behind each other. All of them advance sample by sample: their recursions are independent within a
+/// sample and overlap in the processor.
+class Cascade {
+ public:
+  Cascade(std::span<const Section> sections, double rest) : count_(sections.size()) {
+    for (std::size_t s = 0; s < count_; ++s) {
+      states_[s] = SectionState(sections[s], rest);
+      has_difference_[s] = sections[s].order == 2;
     }
-    if (t % kSettlingPeriod == 0)
-      std::for_each(states.begin(), states.end(), [](SectionState& state) { state.settle(); });
   }
-}
 
-/// Picks rows of a signal matrix into columns `at` … of a regression matrix.
-void gather(const MatrixXd& signals, Index used, std::span<const std::size_t> rows, MatrixXd& into, Index at) {
-  for (Index j = 0; j < used; ++j) {
-    const double* from = signals.col(j).data();
-    double* to = into.col(at + j).data();
-    for (const std::size_t row : rows) *to++ = from[row];
+  void step(double x) {
+    for (std::size_t s = 0; s < count_; ++s) x = states_[s].step(x);
+    if (samples_++ % kSettlingPeriod == 0) {
+      for (std::size_t s = 0; s < count_; ++s) states_[s].settle();
+    }
   }
+
+  const SectionState& state(std::size_t section) const { return states_[section]; }
+
+  /// The first `columns` of y_m, v_m, y_(m−1), …, the order of basis_numerators.
+  void write(MatrixXd& into, Index row, Index at, Index columns) const {
+    const Index end = at + columns;
+    for (std::size_t s = count_; s-- > 0 && at < end;) {
+      into(row, at++) = states_[s].level;
+      if (has_difference_[s] && at < end) into(row, at++) = states_[s].difference;
+    }
+  }
+
+  /// Their sum with weights in the same order.
+  double weighted(const VectorXd& weights) const {
+    double sum = 0;
+    Index i = 0;
+    for (std::size_t s = count_; s-- > 0;) {
+      sum += weights[i++] * states_[s].level;
+      if (has_difference_[s]) sum += weights[i++] * states_[s].difference;
+    }
+    return sum;
+  }
+
+ private:
+  std::array<SectionState, kMaxIdentifiedOrder> states_;
+  std::array<bool, kMaxIdentifiedOrder> has_difference_{};
+  std::size_t count_;
+  std::size_t samples_ = 0;
+};
+
+/// The free run of one record in its parts, one sample after the other: nothing is kept that nobody asks for.
+class Responses {
+ public:
+  Responses(const VectorXd& input, std::span<const Section> sections, int delay)
+      : input_(input), delay_(delay), driven_(sections, input[0]), free_(sections, 0) {}
+
+  void step() {
+    delayed_ = input_[std::max<Index>(next_ - delay_, 0)];
+    driven_.step(delayed_);
+    free_.step(next_ == 0 ? 1 : 0);
+    ++next_;
+  }
+
+  const Cascade& driven() const { return driven_; }  ///< by the delayed input
+  const Cascade& free() const { return free_; }      ///< from an impulse at the first sample
+  double delayed_input() const { return delayed_; }
+  Index samples() const { return next_; }
+
+ private:
+  const VectorXd& input_;
+  Index delay_;
+  Cascade driven_, free_;
+  double delayed_ = 0;
+  Index next_ = 0;
+};
+
+struct NoColumns {
+  static Index columns() { return 0; }
+  void step(const Responses& /*responses*/) {}
+  void write(MatrixXd& /*into*/, Index /*row*/, Index /*at*/) const {}
+};
+
+/// The measured output passed through the sections.
+class PassedOutput {
+ public:
+  PassedOutput(const VectorXd& y, std::span<const Section> sections)
+      : y_(y), order_(order_of(sections)), passed_(sections, y[0]) {}
+  Index columns() const { return order_; }
+  void step(const Responses& responses) { passed_.step(y_[responses.samples() - 1]); }
+  void write(MatrixXd& into, Index row, Index at) const { passed_.write(into, row, at, order_); }
+
+ private:
+  const VectorXd& y_;
+  Index order_;
+  Cascade passed_;
+};
+
+/// Derivatives of the free run along the logarithms of the sections, the last section first.
+/// A section's part is what passes it: its own outputs' share and that of the sections behind it.
+/// ∂H/∂ln f = H (1 − z⁻¹ H)      ∂H/∂ln e = −(e / f) z⁻¹ (1 − z⁻¹) H²
+class Sensitivities {
+ public:
+  Sensitivities(std::span<const Section> sections, const VectorXd& shared, Index numerators, const VectorXd& local,
+                double rest)
+      : sections_(sections), order_(order_of(sections)) {
+    for (Index i = 0; i < order_; ++i) {
+      const auto k = static_cast<std::size_t>(i);
+      driven_[k] = i < numerators ? shared[i] : 0;
+      free_[k] = local[i];
+    }
+    double part_at_rest = 0;
+    std::size_t at = 0;
+    for (std::size_t s = sections_.size(); s-- > 0; at += static_cast<std::size_t>(sections_[s].order)) {
+      part_at_rest += driven_[at] * rest;
+      states_[s] = SectionState(sections_[s], part_at_rest);
+      ratios_[s] = sections_[s].order == 2 ? sections_[s].e / sections_[s].f : 0;
+    }
+  }
+
+  Index columns() const { return order_; }
+
+  void step(const Responses& responses) {
+    double part = 0;
+    std::size_t at = 0;
+    for (std::size_t s = sections_.size(); s-- > 0; ++at) {
+      const SectionState& driven = responses.driven().state(s);
+      const SectionState& free = responses.free().state(s);
+      part += driven_[at] * driven.level + free_[at] * free.level;
+      if (sections_[s].order == 2) {
+        part += driven_[at + 1] * driven.difference + free_[at + 1] * free.difference;
+        values_[at + 1] = -ratios_[s] * states_[s].difference;
+      }
+      values_[at] = part - states_[s].level;
+      if (sections_[s].order == 2) ++at;
+      states_[s].step(part);
+    }
+  }
+
+  void write(MatrixXd& into, Index row, Index at) const {
+    for (Index j = 0; j < order_; ++j) into(row, at + j) = values_[static_cast<std::size_t>(j)];
+  }
+
+ private:
+  std::span<const Section> sections_;
+  Index order_;
+  std::array<SectionState, kMaxIdentifiedOrder> states_;
+  std::array<double, kMaxIdentifiedOrder> ratios_{}, driven_{}, free_{}, values_{};
+};
+
+/// One row per chosen sample; samples between are run through and leave nothing.
+/// [free | own offset | driven | shared offset | further | y]
+template <typename Layout, typename Further>
+MatrixXd regression_at(const VectorXd& y, Responses responses, const Layout& layout, Further further,
+                       std::span<const std::size_t> rows) {
+  const Index at_further = layout.locals + layout.shared;
+  const Index last = at_further + further.columns();
+  MatrixXd regression = MatrixXd::Ones(as_index(rows.size()), last + 1);  // offsets stay 1
+  for (Index i = 0; i < regression.rows(); ++i) {
+    const Index t = as_index(rows[static_cast<std::size_t>(i)]);
+    while (responses.samples() <= t) {
+      responses.step();
+      further.step(responses);
+    }
+    responses.free().write(regression, i, 0, layout.order);
+    responses.driven().write(regression, i, layout.locals, std::min(layout.numerators, layout.order));
+    if (layout.numerators > layout.order) regression(i, layout.locals + layout.order) = responses.delayed_input();
+    further.write(regression, i, at_further);
+    regression(i, last) = y[t];
+  }
+  return regression;
 }
 
 /// R of [local | others] without the rows that only determine the local parameters; `local_rows` receives those.
@@ -176,49 +303,31 @@ RowSets OutputErrorProblem::rows(std::size_t at_most) const {
   return sets;
 }
 
-Index OutputErrorProblem::local_count(std::span<const Section> sections) const {
-  return order_of(sections) + (shares_offset() ? 0 : 1);
-}
-
-Index OutputErrorProblem::shared_count(const OutputErrorStructure& structure) const {
-  return structure.zeros + 1 + (shares_offset() ? 1 : 0);
-}
-
-OutputErrorProblem::Responses OutputErrorProblem::respond(const Record& record, std::span<const Section> sections,
-                                                          int delay) const {
-  const Index n = record.u.size();
+OutputErrorProblem::Layout OutputErrorProblem::layout_of(std::span<const Section> sections,
+                                                         const OutputErrorStructure& structure) const {
   const Index order = order_of(sections);
-  Responses r;
-  r.rest = record.u[0];
-  r.basis.resize(n, order + 1);
-  const Index lag = std::min<Index>(delay, n);
-  r.basis.col(order).head(lag).setConstant(r.rest);
-  r.basis.col(order).tail(n - lag) = record.u.head(n - lag);
-  run_cascade(sections, column(r.basis, order), r.rest, r.basis);
-  r.free.resize(n, order);
-  VectorXd impulse = VectorXd::Zero(n);
-  impulse[0] = 1;
-  run_cascade(sections, span_of(impulse), 0, r.free);
-  return r;
+  const Index numerators = structure.zeros + 1;
+  return {.order = order,
+          .locals = order + (shares_offset() ? 0 : 1),
+          .numerators = numerators,
+          .shared = numerators + (shares_offset() ? 1 : 0)};
 }
 
 OutputErrorProblem::Solution OutputErrorProblem::solve(std::span<const Section> sections,
                                                        const OutputErrorStructure& structure,
                                                        const RowSets& rows) const {
-  const Index order = order_of(sections);
-  const Index locals = local_count(sections);
-  const Index shared = shared_count(structure);
+  const Layout layout = layout_of(sections, structure);
+  const Index locals = layout.locals;
+  const Index shared = layout.shared;
   Solution solution;
   std::vector<MatrixXd> local_rows(records_.size());
   MatrixXd stack(as_index(records_.size()) * (shared + 1), shared + 1);
   stack.setZero();
   for (std::size_t r = 0; r < records_.size(); ++r) {
     if (rows[r].empty()) continue;
-    const Responses responses = respond(records_[r], sections, structure.delay_samples);
-    MatrixXd regression = MatrixXd::Ones(as_index(rows[r].size()), locals + shared + 1);  // offsets stay 1
-    gather(responses.free, order, rows[r], regression, 0);
-    gather(responses.basis, structure.zeros + 1, rows[r], regression, locals);
-    gather(records_[r].y, 1, rows[r], regression, locals + shared);
+    const Record& record = records_[r];
+    const MatrixXd regression =
+        regression_at(record.y, Responses(record.u, sections, structure.delay_samples), layout, NoColumns(), rows[r]);
     stack.middleRows(as_index(r) * (shared + 1), shared + 1) = eliminate_local(regression, locals, local_rows[r]);
     solution.count += rows[r].size();
   }
@@ -234,58 +343,22 @@ OutputErrorProblem::Solution OutputErrorProblem::solve(std::span<const Section> 
   return solution;
 }
 
-MatrixXd OutputErrorProblem::sensitivities(const Responses& responses, std::span<const Section> sections,
-                                           const OutputErrorStructure& structure, const VectorXd& shared,
-                                           const VectorXd& local) const {
-  const Index n = responses.basis.rows();
-  const Index order = order_of(sections);
-  // A section's part is what passes it: its own outputs' share and that of the sections behind it.
-  // ∂H/∂ln f = H (1 − z⁻¹ H)      ∂H/∂ln e = −(e / f) z⁻¹ (1 − z⁻¹) H²
-  VectorXd driven = VectorXd::Zero(order);
-  driven.head(std::min<Index>(order, structure.zeros + 1)) = shared.head(std::min<Index>(order, structure.zeros + 1));
-  MatrixXd J(n, order);
-  double part_at_rest = 0;
-  Index column_of_section = 0;
-  VectorXd part = VectorXd::Zero(n);
-  for (std::size_t s = sections.size(); s-- > 0;) {
-    const Section& section = sections[s];
-    const Index at = column_of_section;
-    part.noalias() += responses.basis.middleCols(at, section.order) * driven.segment(at, section.order);
-    part.noalias() += responses.free.middleCols(at, section.order) * local.segment(at, section.order);
-    part_at_rest += driven[at] * responses.rest;
-    SectionState state(section, part_at_rest);
-    const double ratio = section.order == 2 ? section.e / section.f : 0;
-    double* const along_f = J.col(at).data();
-    double* const along_e = section.order == 2 ? J.col(at + 1).data() : nullptr;
-    for (Index t = 0; t < n; ++t) {
-      along_f[t] = part[t] - state.level;
-      if (along_e != nullptr) along_e[t] = -ratio * state.difference;
-      state.step(part[t]);
-    }
-    column_of_section += section.order;
-  }
-  return J;
-}
-
 OutputErrorProblem::Projected OutputErrorProblem::project(std::span<const Section> sections,
                                                           const OutputErrorStructure& structure, const RowSets& rows,
                                                           const Solution& solution) const {
-  const Index order = order_of(sections);
-  const Index locals = local_count(sections);
-  const Index shared = shared_count(structure);
+  const Layout layout = layout_of(sections, structure);
+  const Index order = layout.order;
+  const Index shared = layout.shared;
   const Index rest = shared + order + 1;
   MatrixXd stack = MatrixXd::Zero(as_index(records_.size()) * rest, rest);
   for (std::size_t r = 0; r < records_.size(); ++r) {
     if (rows[r].empty()) continue;
-    const Responses responses = respond(records_[r], sections, structure.delay_samples);
-    const MatrixXd J = sensitivities(responses, sections, structure, solution.shared, solution.local[r]);
-    MatrixXd regression = MatrixXd::Ones(as_index(rows[r].size()), locals + rest);
-    gather(responses.free, order, rows[r], regression, 0);
-    gather(responses.basis, structure.zeros + 1, rows[r], regression, locals);
-    gather(J, order, rows[r], regression, locals + shared);
-    gather(records_[r].y, 1, rows[r], regression, locals + shared + order);
+    const Record& record = records_[r];
+    const Sensitivities along(sections, solution.shared, layout.numerators, solution.local[r], record.u[0]);
+    const MatrixXd regression =
+        regression_at(record.y, Responses(record.u, sections, structure.delay_samples), layout, along, rows[r]);
     MatrixXd local_rows;
-    stack.middleRows(as_index(r) * rest, rest) = eliminate_local(regression, locals, local_rows);
+    stack.middleRows(as_index(r) * rest, rest) = eliminate_local(regression, layout.locals, local_rows);
   }
   const MatrixXd R = triangular_factor(stack);
   return {R.block(shared, shared, order, order), R.block(shared, shared + order, order, 1)};
@@ -294,14 +367,13 @@ OutputErrorProblem::Projected OutputErrorProblem::project(std::span<const Sectio
 double OutputErrorProblem::solve_local(std::size_t recording, std::span<const Section> sections,
                                        const OutputErrorStructure& structure, std::span<const std::size_t> rows,
                                        Solution& solution) const {
-  const Index order = order_of(sections);
-  const Index locals = local_count(sections);
-  const Responses responses = respond(records_[recording], sections, structure.delay_samples);
-  solution.local[recording] = VectorXd::Zero(locals);
-  const VectorXd driven = simulate(recording, sections, structure, solution);
-  MatrixXd regression = MatrixXd::Ones(as_index(rows.size()), locals + 1);
-  gather(responses.free, order, rows, regression, 0);
-  gather(records_[recording].y - driven, 1, rows, regression, locals);
+  const Layout layout = layout_of(sections, structure);
+  const Index locals = layout.locals;
+  const Record& record = records_[recording];
+  const MatrixXd all =
+      regression_at(record.y, Responses(record.u, sections, structure.delay_samples), layout, NoColumns(), rows);
+  MatrixXd regression = all.leftCols(locals + 1);
+  regression.col(locals) = all.rightCols(1) - all.middleCols(locals, layout.shared) * solution.shared;
   MatrixXd local_rows;
   const MatrixXd left = eliminate_local(regression, locals, local_rows);
   solution.local[recording] = back_substitute(local_rows, locals, VectorXd());
@@ -310,60 +382,58 @@ double OutputErrorProblem::solve_local(std::size_t recording, std::span<const Se
 
 VectorXd OutputErrorProblem::simulate(std::size_t recording, std::span<const Section> sections,
                                       const OutputErrorStructure& structure, const Solution& solution) const {
-  const Responses responses = respond(records_[recording], sections, structure.delay_samples);
   const Index order = order_of(sections);
+  const Index numerators = structure.zeros + 1;
   const VectorXd& local = solution.local[recording];
-  VectorXd y = responses.basis.leftCols(structure.zeros + 1) * solution.shared.head(structure.zeros + 1);
-  y += responses.free * local.head(order);
-  y.array() += shares_offset() ? solution.shared[structure.zeros + 1] : local[order];
+  VectorXd weights = VectorXd::Zero(order + 1);
+  weights.head(numerators) = solution.shared.head(numerators);
+  const double offset = shares_offset() ? solution.shared[numerators] : local[order];
+  VectorXd y(records_[recording].y.size());
+  Responses responses(records_[recording].u, sections, structure.delay_samples);
+  for (double& simulated : y) {
+    responses.step();
+    simulated = responses.driven().weighted(weights) + weights[order] * responses.delayed_input() +
+                responses.free().weighted(local) + offset;
+  }
   return y;
 }
 
 MatrixXd OutputErrorProblem::shared_sensitivities(std::size_t recording, std::span<const Section> sections,
                                                   const OutputErrorStructure& structure,
                                                   const Solution& solution) const {
-  const Index order = order_of(sections);
-  const Index locals = local_count(sections);
-  const Index shared = shared_count(structure);
-  const auto& rows = records_[recording].valid;
-  const Responses responses = respond(records_[recording], sections, structure.delay_samples);
-  const MatrixXd J = sensitivities(responses, sections, structure, solution.shared, solution.local[recording]);
-  MatrixXd regression = MatrixXd::Ones(as_index(rows.size()), locals + shared + order);
-  gather(responses.free, order, rows, regression, 0);
-  gather(responses.basis, structure.zeros + 1, rows, regression, locals);
-  gather(J, order, rows, regression, locals + shared);
+  const Layout layout = layout_of(sections, structure);
+  const Index locals = layout.locals;
+  const Index others = layout.shared + layout.order;
+  const Record& record = records_[recording];
+  const Sensitivities along(sections, solution.shared, layout.numerators, solution.local[recording], record.u[0]);
+  const MatrixXd regression =
+      regression_at(record.y, Responses(record.u, sections, structure.delay_samples), layout, along, record.valid)
+          .leftCols(locals + others);
   MatrixXd local_rows;
   eliminate_local(regression, locals, local_rows);
   const MatrixXd absorbed =
-      local_rows.leftCols(locals).triangularView<Eigen::Upper>().solve(local_rows.rightCols(shared + order));
-  MatrixXd result = MatrixXd::Zero(records_[recording].y.size(), shared + order);
-  const MatrixXd left = regression.rightCols(shared + order) - regression.leftCols(locals) * absorbed;
-  for (std::size_t i = 0; i < rows.size(); ++i) result.row(as_index(rows[i])) = left.row(as_index(i));
+      local_rows.leftCols(locals).triangularView<Eigen::Upper>().solve(local_rows.rightCols(others));
+  MatrixXd result = MatrixXd::Zero(record.y.size(), others);
+  const MatrixXd left = regression.rightCols(others) - regression.leftCols(locals) * absorbed;
+  for (std::size_t i = 0; i < record.valid.size(); ++i) result.row(as_index(record.valid[i])) = left.row(as_index(i));
   return result;
 }
 
 std::vector<Section> OutputErrorProblem::steiglitz_mcbride_step(std::span<const Section> sections,
                                                                 const OutputErrorStructure& structure,
                                                                 const RowSets& rows) const {
-  const Index order = order_of(sections);
-  const Index locals = local_count(sections);
-  const Index shared = shared_count(structure);
+  const Layout layout = layout_of(sections, structure);
+  const Index order = layout.order;
+  const Index shared = layout.shared;
   const Index rest = shared + order + 1;
   MatrixXd stack = MatrixXd::Zero(as_index(records_.size()) * rest, rest);
-  MatrixXd passed;
   for (std::size_t r = 0; r < records_.size(); ++r) {
     if (rows[r].empty()) continue;
     const Record& record = records_[r];
-    const Responses responses = respond(record, sections, structure.delay_samples);
-    passed.resize(record.y.size(), order);
-    run_cascade(sections, span_of(record.y), record.y[0], passed);
-    MatrixXd regression = MatrixXd::Ones(as_index(rows[r].size()), locals + rest);
-    gather(responses.free, order, rows[r], regression, 0);
-    gather(responses.basis, structure.zeros + 1, rows[r], regression, locals);
-    gather(passed, order, rows[r], regression, locals + shared);
-    gather(record.y, 1, rows[r], regression, locals + shared + order);
+    const MatrixXd regression = regression_at(record.y, Responses(record.u, sections, structure.delay_samples), layout,
+                                              PassedOutput(record.y, sections), rows[r]);
     MatrixXd local_rows;
-    stack.middleRows(as_index(r) * rest, rest) = eliminate_local(regression, locals, local_rows);
+    stack.middleRows(as_index(r) * rest, rest) = eliminate_local(regression, layout.locals, local_rows);
   }
   const MatrixXd R = triangular_factor(stack);
   const VectorXd theta = solve_least_squares(R.leftCols(rest - 1), R.col(rest - 1));

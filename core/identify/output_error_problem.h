@@ -79,18 +79,15 @@ class OutputErrorProblem {
     Eigen::VectorXd u, y;  // centred; y bridged linearly over samples that are not valid
     std::vector<std::size_t> valid;
   };
-  struct Responses {
-    Eigen::MatrixXd basis;  // samples × (order + 1): to the delayed input
-    Eigen::MatrixXd free;   // samples × order: to an impulse at the first sample
-    double rest = 0;        // input before the first sample
+  /// Columns of a regression; a recording's own come first.
+  struct Layout {
+    Eigen::Index order;
+    Eigen::Index locals;
+    Eigen::Index numerators;
+    Eigen::Index shared;
   };
 
-  Responses respond(const Record& record, std::span<const Section> sections, int delay) const;
-  Eigen::MatrixXd sensitivities(const Responses& responses, std::span<const Section> sections,
-                                const OutputErrorStructure& structure, const Eigen::VectorXd& shared,
-                                const Eigen::VectorXd& local) const;
-  Eigen::Index local_count(std::span<const Section> sections) const;
-  Eigen::Index shared_count(const OutputErrorStructure& structure) const;
+  Layout layout_of(std::span<const Section> sections, const OutputErrorStructure& structure) const;
 
   std::vector<Record> records_;
   OffsetSharing sharing_ = OffsetSharing::kPerRecording;
