@@ -286,6 +286,7 @@ void ValveFitProblem::accumulate(const VectorXd& v, std::size_t recording, Norma
   VectorXd b = VectorXd::Zero(local);
   Index filled = 0;
   const auto flush = [&] {
+    if (filled == 0) return;  // Eigen divides by the width of a product
     a.selfadjointView<Eigen::Lower>().rankUpdate(block.leftCols(filled));
     b.noalias() += block.leftCols(filled) * error.head(filled);
     filled = 0;

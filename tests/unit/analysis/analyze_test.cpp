@@ -146,6 +146,17 @@ TEST(Analyze, LevelsTheReferenceNeverSawAreReportedAndLeftOut) {
   EXPECT_EQ(analysis.classification.verdict, "Good");
 }
 
+TEST(Analyze, ARecordingThatIsOutsideTheReferenceThroughoutHasNoVerdictAndSaysWhy) {
+  // A current column in mA that claims to be in A.
+  Recording recording = test::step_to({}, 1.6, kNoise_psi, 1);
+  for (double& current : recording.input.values) current /= 1000;
+  for (Segment& segment : recording.segments) segment.level /= 1000;
+  const auto analysis = analysed({recording}, {.reference = reference(), .rule_base = rule_base()});
+  EXPECT_EQ(analysis.recordings[0].quality.back().code, "outside_reference");
+  EXPECT_EQ(analysis.recordings[0].quality.back().count, recording.samples());
+  EXPECT_EQ(analysis.classification.reason, NoVerdict::kLevelMissing);
+}
+
 TEST(Analyze, AReferenceBaselineWithoutAReferenceIsAnError) {
   const std::vector<Recording> one{test::step_to({}, 1.6, kNoise_psi, 1)};
   const auto analysis = analyze(one, {.baseline = BaselineKind::kReference});

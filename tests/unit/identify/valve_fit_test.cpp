@@ -62,6 +62,16 @@ TEST(ValveFit, SamplesThatAreNotValidDoNotMoveIt) {
   EXPECT_NEAR(masked->map(1.6), clean->map(1.6), 0.05);
 }
 
+TEST(ValveFit, TakesAnyNumberOfValidSamplesWithoutATrap) {
+  // Rows are summed in blocks of 256: a last block that is full, one that holds a single row, and none at all.
+  for (const std::size_t valid : {1024u, 1025u, 0u}) {
+    auto recordings = test::session({}, kNoise_psi, 41);
+    recordings[1].valid.assign(recordings[1].samples(), 0);
+    std::fill_n(recordings[1].valid.begin(), valid, std::uint8_t{1});
+    EXPECT_TRUE(fit_valve(recordings, options_for(recordings))) << valid;
+  }
+}
+
 TEST(ValveFit, EachRecordingStartsWhereItStarted) {
   auto recordings = test::session({}, kNoise_psi, 51);
   // The second recording begins in the middle of its transient.
