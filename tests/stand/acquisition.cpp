@@ -58,9 +58,18 @@ class Noise {
   double memory_, value_;
 };
 
+std::vector<double> jittered_instants_s(const Command& command, double jitter_s, std::uint64_t noise_seed) {
+  Random random(noise_seed, "jitter " + command.name);
+  const double most = 0.45 * command.period_s;  // instants keep their order
+  std::vector<double> instants_s;
+  for (std::size_t k = 0; k < command.value_a.size(); ++k)
+    instants_s.push_back(std::max(0.0, command.instant_s(k) + std::clamp(jitter_s * random.normal(), -most, most)));
+  return instants_s;
+}
+
 /// Rows that stay after bursts of loss; the first and the last always do.
 std::vector<char> kept_rows(std::size_t rows, int dropped, Random random) {
-  constexpr int kBurst = 20;
+  constexpr int kBurst = 5;
   std::vector<char> kept(rows, 1);
   if (rows <= 2 * kBurst) return kept;
   for (; dropped > 0; dropped -= kBurst) {
@@ -104,20 +113,13 @@ Command as_played(const Command& command, const Conditions& conditions, std::uin
     for (std::size_t k = 0; k < played.value_a.size(); ++k)
       played.value_a[k] += wander.at(static_cast<double>(k) * played.period_s);
   }
+  if (conditions.jitter_s > 0) played.tick_s = jittered_instants_s(command, conditions.jitter_s, noise_seed);
   return played;
 }
 
-std::vector<double> sample_times_s(const Command& command, const Conditions& conditions, std::uint64_t noise_seed) {
-  Random random(noise_seed, "jitter " + command.name);
+std::vector<double> sample_times_s(const Command& command) {
   std::vector<double> times_s;
-  for (std::size_t k = 0; k < command.value_a.size(); ++k) {
-    double t = static_cast<double>(k) * command.period_s;
-    if (conditions.jitter_s > 0) {
-      const double most = 0.45 * command.period_s;  // instants keep their order
-      t = std::max(0.0, t + std::clamp(conditions.jitter_s * random.normal(), -most, most));
-    }
-    times_s.push_back(t);
-  }
+  for (std::size_t k = 0; k < command.value_a.size(); ++k) times_s.push_back(command.instant_s(k));
   return times_s;
 }
 

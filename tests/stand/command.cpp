@@ -121,13 +121,20 @@ Command multisine_around_mid() {
 
 }  // namespace
 
+std::size_t Command::index_at(double t_s) const {
+  const auto guess = static_cast<std::size_t>(std::max(0.0, std::floor(t_s / period_s + 1e-9)));
+  if (tick_s.empty()) return guess;
+  std::size_t k = std::min(guess + 1, tick_s.size() - 1);  // a tick comes early or late by less than half a period
+  while (k > 0 && tick_s[k] > t_s) --k;
+  return k;
+}
+
 double Command::at(double t_s, std::size_t next_step) const {
   const std::size_t last = std::min(next_step, value_a.size()) - 1;
-  const double position = t_s / period_s;
-  if (position <= 0) return value_a.front();
-  const auto k = static_cast<std::size_t>(position);
+  if (t_s <= instant_s(0)) return value_a.front();
+  const std::size_t k = index_at(t_s);
   if (k >= last) return value_a[last];
-  const double fraction = position - static_cast<double>(k);
+  const double fraction = (t_s - instant_s(k)) / (instant_s(k + 1) - instant_s(k));
   return value_a[k] + fraction * (value_a[k + 1] - value_a[k]);
 }
 
@@ -138,8 +145,7 @@ std::size_t Command::step_after(std::size_t k) const {
 }
 
 double Command::at(double t_s) const {
-  const auto k = static_cast<std::size_t>(std::max(0.0, std::floor(t_s / period_s + 1e-9)));
-  return at(t_s, step_after(std::min(k, value_a.size() - 1)));
+  return at(t_s, step_after(std::min(index_at(t_s), value_a.size() - 1)));
 }
 
 double Command::dither_at(double t_s) const {
@@ -148,7 +154,7 @@ double Command::dither_at(double t_s) const {
 
 double Command::step_time_s(std::size_t step) const {
   if (step >= value_a.size()) return std::numeric_limits<double>::infinity();
-  return static_cast<double>(step) * period_s;
+  return instant_s(step);
 }
 
 const std::vector<std::string>& repertoire() {

@@ -14,14 +14,20 @@ struct Command {
   double period_s = 0.005;
   std::vector<double> value_a;
   std::vector<char> is_step;  ///< 1 where value_a[k] is entered by a jump at its instant
+  std::vector<double>
+      tick_s;  ///< instants of the values where the clock jitters by less than half a period; else empty
   double dither_a = 0, dither_hz = 0;
 
+  /// When value k is played, and its sample taken: one loop writes the command and reads the gauge.
+  double instant_s(std::size_t k) const { return tick_s.empty() ? static_cast<double>(k) * period_s : tick_s[k]; }
   double duration_s() const { return period_s * static_cast<double>(value_a.size()); }
   /// Command at time t on the near side of the jump at sample `next_step` (no jump is looked through), without dither.
   double at(double t_s, std::size_t next_step) const;
   /// Command at time t as a monitor sees it.
   double at(double t_s) const;
   double dither_at(double t_s) const;
+  /// Last value played at or before t ≥ 0.
+  std::size_t index_at(double t_s) const;
   /// Index of the first step after sample k, or value_a.size().
   std::size_t step_after(std::size_t k) const;
   /// When the command steps there; never where `step` is value_a.size().

@@ -28,7 +28,7 @@ class Integration {
 
   Integration(Model& model, const State& start, double start_s, const Tolerance& tolerance)
       : model_(model),
-        stepper_(boost::numeric::odeint::make_dense_output(tolerance.absolute, tolerance.relative,
+        stepper_(boost::numeric::odeint::make_dense_output(tolerance.absolute, tolerance.relative, kLongestStepS,
                                                            boost::numeric::odeint::runge_kutta_dopri5<State>())) {
     stepper_.initialize(start, start_s, kFirstStepS);
   }
@@ -57,6 +57,7 @@ class Integration {
 
  private:
   static constexpr double kFirstStepS = 2e-4;
+  static constexpr double kLongestStepS = 0.005;  // a command may have a kink at every sample
 
   /// Where in the last step a switch changes its sign, by bisection on the dense output.
   std::optional<double> switch_in(int index, double begin_s, double end_s) {
@@ -76,7 +77,7 @@ class Integration {
   }
 
   using Stepper = decltype(boost::numeric::odeint::make_dense_output(
-      1.0, 1.0, boost::numeric::odeint::runge_kutta_dopri5<State>()));
+      1.0, 1.0, 1.0, boost::numeric::odeint::runge_kutta_dopri5<State>()));
   Model& model_;
   Stepper stepper_;
 };

@@ -174,12 +174,13 @@ StandRecording record(const SessionOptions& options, const Plant& plant, const C
   Conditions conditions;
   conditions.noise_psi = options.noise_psi;
   for (const auto& [decoy, size] : options.decoys) apply_decoy(decoy, size, conditions);
-  const std::vector<double> times_s = sample_times_s(command, conditions, options.noise_seed);
-  Motion motion(plant, command);
-  Integration<Motion> integration(motion, {plant.gain * command.value_a.front(), 0, 0}, -10, options.tolerance);
+  const Command played = as_played(command, conditions, options.noise_seed);
+  const std::vector<double> times_s = sample_times_s(played);
+  Motion motion(plant, played);
+  Integration<Motion> integration(motion, {plant.gain * played.value_a.front(), 0, 0}, -10, options.tolerance);
   std::vector<double> clean;
   integration.run(times_s, [&](const Motion::State& state, double) { clean.push_back(motion.shown(state)); });
-  return log_recording(command, conditions, environment, options.noise_seed, times_s, clean);
+  return log_recording(played, conditions, environment, options.noise_seed, times_s, clean);
 }
 
 }  // namespace

@@ -26,7 +26,7 @@ StandRecording record(const SessionOptions& options, const Unit& unit, const Fau
                       const Conditions& conditions, const Command& command) {
   const Environment environment(options.noise_seed, command.name);
   const Command played = as_played(command, conditions, options.noise_seed);
-  std::vector<double> times_s = sample_times_s(played, conditions, options.noise_seed);
+  std::vector<double> times_s = sample_times_s(played);
   std::vector<double> clean_psi = run_valve(unit, faults, played, environment, times_s, options.tolerance);
   return log_recording(played, conditions, environment, options.noise_seed, std::move(times_s), std::move(clean_psi));
 }

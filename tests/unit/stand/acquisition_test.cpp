@@ -59,7 +59,7 @@ TEST(Acquisition, JitteredStampsAreTrueAndInOrder) {
       EXPECT_GT(recording.time_s[k], recording.time_s[k - 1]);
     }
     moved = moved || std::abs(recording.time_s[k] - 0.005 * static_cast<double>(k)) > 1e-4;
-    EXPECT_EQ(recording.command_a[k], command.at(recording.time_s[k]));
+    EXPECT_EQ(recording.command_a[k], command.value_a[k]);  // played at the instant it is sampled
   }
   EXPECT_TRUE(moved);
 }
@@ -125,6 +125,17 @@ TEST(Command, MultisineExcitesOddLinesAloneAndLeavesSomeOut) {
   }
   EXPECT_GE(excited, 20);
   EXPECT_GE(left_out, 6);
+}
+
+TEST(Command, JitteringClockMovesTheCommandWithItsSamples) {
+  Command command = command_of_samples("given", 0.01, {1.0, 1.0, 1.5, 1.5, 1.6, 1.7, 1.8});
+  command.tick_s = {0.004, 0.006, 0.0245, 0.0255, 0.0444, 0.0456, 0.06};
+  for (std::size_t k = 0; k < command.tick_s.size(); ++k) {
+    EXPECT_DOUBLE_EQ(command.at(command.tick_s[k]), command.value_a[k]);
+    EXPECT_EQ(command.index_at(command.tick_s[k] + 1e-6), k);
+  }
+  EXPECT_DOUBLE_EQ(command.at(0.0244), 1.0);
+  EXPECT_NEAR(command.at(0.045), 1.65, 1e-9);
 }
 
 TEST(Command, FullSessionIsSixRecordingsOfFourThousandSamples) {

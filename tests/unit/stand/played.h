@@ -14,7 +14,7 @@ namespace valvetriage::stand {
 inline std::vector<double> play(const Unit& unit, const Command& command, const Faults& faults = {},
                                 const Tolerance& tolerance = {}) {
   const Environment environment(7, command.name);
-  return run_valve(unit, faults, command, environment, sample_times_s(command, {}, 7), tolerance);
+  return run_valve(unit, faults, command, environment, sample_times_s(command), tolerance);
 }
 
 /// Mean pressure over the last second of the hold at the level of a step recording.

@@ -114,7 +114,7 @@ TEST(Valve, HealthyPopulationSpreadsAndStaysHealthy) {
 
 TEST(Valve, PastOfTheUnitIsForgottenAfterTheFirstFullSwing) {
   const Command command = commands_of("triangle_fast")[0];
-  const auto times = sample_times_s(command, {}, 1);
+  const auto times = sample_times_s(command);
   const Environment one(1, command.name), other(2, command.name);
   const auto a = run_valve(Unit{}, {}, command, one, times), b = run_valve(Unit{}, {}, command, other, times);
   double early = 0, late = 0;
