@@ -21,6 +21,9 @@ std::size_t parameter_count(const RlsOptions& o) {
   return static_cast<std::size_t>(o.order + o.input_terms + extra);
 }
 
+/// Even λ = 0.01 grows P by no more than 10¹²⁸ in between.
+constexpr std::size_t kRescalePeriod = 64;
+
 /// The newest value to the front, the oldest dropped.
 void push_front(std::vector<double>& history, double value) {
   std::copy_backward(history.begin(), history.end() - 1, history.end());
@@ -77,15 +80,15 @@ bool RlsKernel::update_padded(RlsKernel& kernel, double y, double& prediction_er
     predicted += phi[i] * theta[i];
     excitation += f[i] * f[i];
   }
-  const double alpha = kernel.lambda_ + excitation;
+  const double alpha = kernel.lambda_ + kernel.scale_ * excitation;
+  const double inverse_alpha = 1 / alpha;
   const double error = y - predicted;
-  const double squared = error * error / alpha;
+  const double squared = error * error * inverse_alpha;
   if (!std::isfinite(squared) || !std::isfinite(alpha)) return false;
 
-  const double root_lambda = kernel.lambda_ == 1 ? 1 : std::sqrt(kernel.lambda_);
-  const double grow = kernel.lambda_ == 1 || kernel.wound_up() ? 1 : 1 / root_lambda;
-  const double shrink = grow / (alpha + std::sqrt(alpha) * root_lambda);
-  const double step = error / alpha;
+  const double shrink = kernel.scale_ / (alpha + std::sqrt(alpha * kernel.lambda_));
+  const double step = kernel.scale_ * error * inverse_alpha;
+  if (!kernel.wound_up_) kernel.scale_ /= kernel.lambda_;
   for (std::size_t i = 0; i < n; ++i) {
     double even = 0;  // two sums, so that the compiler may use both lanes
     double odd = 0;
@@ -96,7 +99,7 @@ bool RlsKernel::update_padded(RlsKernel& kernel, double y, double& prediction_er
     const double gain = even + odd;
     theta[i] += gain * step;
     const double scaled = gain * shrink;
-    for (std::size_t j = 0; j < n; ++j) root[i * n + j] = root[i * n + j] * grow - scaled * f[j];
+    for (std::size_t j = 0; j < n; ++j) root[i * n + j] -= scaled * f[j];
   }
   kernel.squared_error_ = kernel.lambda_ * (kernel.squared_error_ + squared);
   kernel.effective_samples_ = kernel.lambda_ * kernel.effective_samples_ + 1;
@@ -113,14 +116,16 @@ RlsKernel::Update RlsKernel::update_for(std::size_t stride) {
   }
 }
 
-bool RlsKernel::wound_up() {
-  // Looking every 64 updates is enough: even λ = 0.01 grows P by no more than 10¹²⁸ in between.
-  if (updates_ % 64 == 0) {
-    double trace = 0;
-    for (const double entry : root_) trace += entry * entry;
-    wound_up_ = trace > largest_trace_;
+void RlsKernel::rescale() {
+  if (lambda_ == 1) return;
+  const double growth = std::sqrt(scale_);
+  double trace = 0;
+  for (double& entry : root_) {
+    entry *= growth;
+    trace += entry * entry;
   }
-  return wound_up_;
+  scale_ = 1;
+  wound_up_ = trace > largest_trace_;
 }
 
 Result<double> RlsKernel::update(std::span<const double> phi, double y) {
@@ -128,6 +133,7 @@ Result<double> RlsKernel::update(std::span<const double> phi, double y) {
     return fail("wrong_size", fmt::format("the regressor has {} values, the estimate {}", phi.size(), n_));
   }
   std::copy(phi.begin(), phi.end(), phi_.begin());
+  if (updates_ % kRescalePeriod == 0) rescale();
   double prediction_error = 0;
   if (!update_(*this, y, prediction_error)) {
     return fail("not_finite", "the sample is not finite or too large to be used; the estimate is unchanged");
@@ -141,7 +147,7 @@ Eigen::MatrixXd RlsKernel::covariance() const {
   const auto size = static_cast<Eigen::Index>(stride_);
   const auto used = static_cast<Eigen::Index>(n_);
   const auto root = Root(root_.data(), size, size).topLeftCorner(used, used);
-  return root * root.transpose();
+  return scale_ * root * root.transpose();
 }
 
 double RlsKernel::noise_variance() const {

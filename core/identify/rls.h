@@ -67,14 +67,16 @@ class RlsKernel {
   static bool update_padded(RlsKernel& kernel, double y, double& prediction_error);
   template <std::size_t Pairs>
   static Update update_for(std::size_t stride);
-  bool wound_up();
+  /// Carries the scale into S and looks whether P is still of a size to grow.
+  void rescale();
 
   std::size_t n_;
   std::size_t stride_;         // n rounded up to even, so that every row of S starts on a pair of doubles
   Update update_;              // unrolled for its size
   std::vector<double> theta_;  // stride_ values
   std::vector<double> phi_;    // stride_ values, zero beyond n_
-  std::vector<double> root_;   // S by rows, stride_ × stride_
+  std::vector<double> root_;   // S / √scale_ by rows, stride_ × stride_
+  double scale_ = 1;           // forgetting multiplies all of P alike: one number instead of n²
   std::vector<double> f_;      // scratch, stride_ values
   double lambda_;
   double largest_trace_;

@@ -2,12 +2,12 @@
 #include <benchmark/benchmark.h>
 
 #include <array>
-#include <chrono>
 #include <random>
 #include <vector>
 
 #include "core/identify/identification.h"
 #include "core/identify/rls.h"
+#include "tests/bench/processor_time.h"
 
 namespace {
 
@@ -42,23 +42,19 @@ void floor_update(std::array<double, N>& theta, std::array<double, N * N>& P, co
   }
 }
 
-using Clock = std::chrono::steady_clock;
-
-double seconds_since(Clock::time_point start) {
-  return std::chrono::duration<double>(Clock::now() - start).count();
-}
+using valvetriage::bench::processor_seconds;
 
 template <std::size_t N>
 double floor_seconds(const std::vector<double>& rows, double lambda) {
   std::array<double, N> theta{};
   std::array<double, N * N> P{};
   for (std::size_t i = 0; i < N; ++i) P[i * N + i] = 1e6;
-  const auto start = Clock::now();
+  const double start = processor_seconds();
   for (std::size_t t = 0; t < kRows; ++t) {
     floor_update<N>(theta, P, &rows[t * (N + 1)], rows[t * (N + 1) + N], lambda);
   }
   benchmark::DoNotOptimize(theta);
-  return seconds_since(start);
+  return processor_seconds() - start;
 }
 
 /// Floor and product take turns on the same rows; `of_floor` is product rate over floor rate.
@@ -71,12 +67,12 @@ void bm_rls_kernel(benchmark::State& state) {
   for (auto _ : state) {
     floor_total += floor_seconds<N>(rows, lambda);
     valvetriage::RlsKernel kernel(std::vector<double>(std::size_t{N}), lambda, 1e6);
-    const auto start = Clock::now();
+    const double start = processor_seconds();
     for (std::size_t t = 0; t < kRows; ++t) {
       auto error = kernel.update({&rows[t * (N + 1)], N}, rows[t * (N + 1) + N]);
       benchmark::DoNotOptimize(error);
     }
-    const double seconds = seconds_since(start);
+    const double seconds = processor_seconds() - start;
     total += seconds;
     state.SetIterationTime(seconds);
   }

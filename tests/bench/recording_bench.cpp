@@ -7,10 +7,10 @@
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
-#include <ctime>
 
 #include "core/recording/parse_csv.h"
 #include "core/recording/prepare.h"
+#include "tests/bench/processor_time.h"
 
 namespace valvetriage {
 namespace {
@@ -77,17 +77,10 @@ std::size_t floor_once() {
   return columns[2].size();
 }
 
-/// Processor time of this thread: what other programs do meanwhile does not count.
-double processor_seconds() {
-  timespec now{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
-
 double seconds_of(std::size_t (*run)()) {
-  const double start = processor_seconds();
+  const double start = bench::processor_seconds();
   if (run() != kRows) std::abort();
-  return processor_seconds() - start;
+  return bench::processor_seconds() - start;
 }
 
 /// Parser and floor in turns, so that both see the same machine; `of_floor` is the ratio of their rows per second.

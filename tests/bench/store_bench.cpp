@@ -41,10 +41,10 @@ void fill(const std::string& file) {
           "recordings, verdict, "
           "conclusion, top_cause, top_cause_probability, errors) SELECT i + 1, 'sub_' || i, 'job_' || i, 'done', "
           "1700000000000 + i * 30000, "
-          "'lot-' || (i / ({} / {} + 1)), 'EFC-' || i, 'type-' || (i % 3), 'returned', 'stand-' || (i % 7), 1, "
+          "'lot-' || (i * {} / {}), 'EFC-' || i, 'type-' || (i % 3), 'returned', 'stand-' || (i % 7), 1, "
           "CASE i % 10 WHEN 0 THEN 'Severe' WHEN 1 THEN 'Malfunctioned' ELSE 'Good' END, 'named', "
           "CASE i % 10 WHEN 0 THEN 'friction' WHEN 1 THEN 'leakage' END, 0.97, '[[1.2,0.03],[2.0,0.11]]' FROM n",
-          recordings_stored, kLots));
+          kLots, recordings_stored));
   connection.script(numbers +
                     "INSERT INTO recordings (id, submission_seq, name, sha256, size_bytes, test, metadata) "
                     "SELECT 'rec_' || i, i + 1, 'step.csv', printf('%064x', i), 100000, 'step', '{}' FROM n");

@@ -22,7 +22,7 @@ def main(files):
     runs = [(os.path.basename(file).removesuffix(".json"), json.load(open(file, encoding="utf-8"))) for file in files]
     context = runs[0][1]["context"]
     print("# Benchmarks\n")
-    print("Written by `tests/bench/run`; do not edit. A ratio to a floor is of the same run.\n")
+    print("Written by the command `tests/bench/run`; do not edit. A ratio to a floor is of the same run.\n")
     print(f"{context['num_cpus']} cores at {context['mhz_per_cpu']} MHz, {context['date'][:10]}.")
     for name, run in runs:
         print(f"\n## {name}\n")
