@@ -22,8 +22,11 @@ def main(files):
     runs = [(os.path.basename(file).removesuffix(".json"), json.load(open(file, encoding="utf-8"))) for file in files]
     context = runs[0][1]["context"]
     print("# Benchmarks\n")
-    print("Written by the command `tests/bench/run`; do not edit. A ratio to a floor is of the same run.\n")
+    print("Written by `tests/bench/run`; do not edit. A ratio to a floor is of the same run.\n")
     print(f"{context['num_cpus']} cores at {context['mhz_per_cpu']} MHz, {context['date'][:10]}.")
+    loads = [run["context"]["load_avg"][0] for _, run in runs if run["context"].get("load_avg")]
+    if loads:
+        print(f"Load average while they ran: {min(loads):.1f} to {max(loads):.1f} (wall-clock rows suffer above the cores' number).")
     for name, run in runs:
         print(f"\n## {name}\n")
         print("| benchmark | time | counters |")
