@@ -102,8 +102,20 @@ QualityItem outside_item(const Reference& reference, std::size_t count) {
           count};
 }
 
+/// A reference carries the parameters of the model that learned it; another engine's are of no use here.
+Result<void> require_current(const Reference& reference) {
+  const auto parameters = reference.parameters.size();
+  if (reference.model.volume && reference.model.map && parameters == kValveParameters.size()) return {};
+  return fail(
+      "reference_outdated",
+      fmt::format("the reference of '{}' was learned by another version of the engine ({} parameters, here {}); "
+                  "learn it again from its recordings",
+                  reference.valve_type, parameters, kValveParameters.size()));
+}
+
 Result<FreeRuns> run_reference(std::span<const Recording> recordings, Analysis& analysis) {
   const Reference& reference = *analysis.baseline.reference;
+  if (const auto current = require_current(reference); !current) return tl::unexpected(current.error());
   std::vector<Recording> kept;
   for (std::size_t r = 0; r < recordings.size(); ++r) {
     std::size_t outside = 0;
@@ -112,7 +124,7 @@ Result<FreeRuns> run_reference(std::span<const Recording> recordings, Analysis& 
   }
   ValveFitOptions options;
   options.knots = reference.model.map->input;
-  options.reference_psi = reference.model.volume ? reference.model.volume->reference_psi : 0;
+  options.reference_psi = reference.model.volume->reference_psi;
   options.prior = prior_of(reference);
   auto fit = fit_valve(kept, options);
   if (!fit) return tl::unexpected(fit.error());

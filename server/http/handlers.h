@@ -17,7 +17,8 @@ namespace valvetriage::http {
   X(get_analysis) /* result_handlers.cpp */                                                                     \
   X(list_analyses)                                                                                              \
   X(get_stored_analysis)                                                                                        \
-  X(list_submissions) X(get_submission) X(get_submission_raw) X(get_job) X(post_cancel) X(get_series)           \
+  X(list_submissions)                                                                                           \
+  X(get_submission) X(get_submission_raw) X(get_job) X(post_cancel) X(get_series)                               \
       X(post_simulation)                                                       /* series_handlers.cpp */        \
       X(list_lots) X(get_lot) X(get_lot_history) X(get_valve) X(post_finding)  /* lot_handlers.cpp */           \
       X(list_references) X(post_reference) X(get_reference) X(list_rule_bases) /* document_handlers.cpp */      \

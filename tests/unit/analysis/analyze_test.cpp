@@ -165,6 +165,15 @@ TEST(Analyze, AReferenceBaselineWithoutAReferenceIsAnError) {
   EXPECT_EQ(analyze({}, {}).error().code, "no_recordings");
 }
 
+TEST(Analyze, AReferenceOfAnotherEngineIsAskedToBeLearnedAgain) {
+  Reference old = reference();
+  old.parameters.resize(3);
+  const std::vector<Recording> one{test::step_to({}, 1.6, kNoise_psi, 1)};
+  const auto analysis = analyze(one, {.reference = old});
+  ASSERT_FALSE(analysis);
+  EXPECT_EQ(analysis.error().code, "reference_outdated");
+}
+
 TEST(Analyze, EqualInputGivesEqualFiguresToTheLastBit) {
   const auto recordings = test::session(slow_valve(), kNoise_psi, 900);
   const AnalysisOptions options{.reference = reference(), .rule_base = rule_base()};
