@@ -5,6 +5,7 @@
 #include "core/classify/check.h"
 #include "core/classify/compare.h"
 #include "server/commands/commands.h"
+#include "server/commands/documents.h"
 #include "server/commands/rule_base.h"
 #include "server/wire/rule_base_json.h"
 

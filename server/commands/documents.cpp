@@ -16,13 +16,6 @@
 namespace valvetriage {
 namespace {
 
-auto in_file(const std::string& file) {
-  return [file](Error error) {
-    error.file = file == "-" ? "standard input" : file;
-    return error;
-  };
-}
-
 Error cannot_write(const std::string& file) {
   Error error{.code = "cannot_write", .message = fmt::format("cannot be written: {}", std::strerror(errno))};
   error.file = file;

@@ -11,6 +11,14 @@ namespace valvetriage {
 /// Largest JSON document read from a file: a reference of 10,000 knots would be larger, none that is learned is.
 inline constexpr std::size_t kMaxDocumentBytes = 64u << 20;
 
+/// For map_error: the error with the name of the file it is in, `standard input` for `-`.
+inline auto in_file(std::string file) {
+  return [file = file == "-" ? "standard input" : std::move(file)](Error error) {
+    error.file = file;
+    return error;
+  };
+}
+
 /// A text file named on the command line, whole; `-` is standard input.
 ///
 /// Errors  `cannot_read`, `too_large` above `most` bytes

@@ -17,12 +17,4 @@ Result<RuleBase> open_rule_base(const std::string& name_or_file);
 /// Errors  those of parse_feature_table, with the file's name; `cannot_read`
 Result<FeatureTable> open_feature_table(const std::string& file);
 
-/// For map_error: the error with the name of the file it is in, `standard input` for `-`.
-inline auto in_file(std::string file) {
-  return [file = file == "-" ? "standard input" : std::move(file)](Error error) {
-    error.file = file;
-    return error;
-  };
-}
-
 }  // namespace valvetriage

@@ -4,15 +4,13 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
-#include <cstdlib>
-#include <fstream>
 #include <memory>
 #include <thread>
 
 #include "core/recording/metadata.h"
-#include "core/recording/text.h"
 #include "server/commands/commands.h"
 #include "server/commands/recording_options.h"
+#include "server/commands/server_options.h"
 #include "server/http/client.h"
 #include "server/http/request_head.h"
 #include "server/http/submit_plan.h"
@@ -28,8 +26,7 @@ constexpr std::chrono::milliseconds kSlowestPoll{2000};
 
 struct SubmitArguments {
   std::vector<std::string> files;
-  std::string server;
-  std::string token_file;
+  ServerOptions server;
   RecordingOptions recordings;
   bool wait = false;
   bool as_json = false;
@@ -57,19 +54,6 @@ class ProgressLine {
  private:
   bool terminal_ = isatty(STDERR_FILENO) != 0;
 };
-
-Result<std::string> read_token(const SubmitArguments& arguments) {
-  if (arguments.token_file.empty()) {
-    const char* token = std::getenv("VALVETRIAGE_TOKEN");
-    return std::string(token ? token : "");
-  }
-  std::ifstream in(arguments.token_file);
-  std::string token;
-  if (in && std::getline(in, token)) return std::string(trim(token));
-  Error error{.code = "cannot_read", .message = "the token file cannot be read or is empty"};
-  error.file = arguments.token_file;
-  return tl::unexpected(error);
-}
 
 std::string upload_route(const SubmitArguments& arguments, const Metadata& labels, std::size_t files) {
   std::string route = files == 1 ? "/v1/recordings" : "/v1/submissions";
@@ -172,8 +156,9 @@ std::string text_of(const Json& document, const char* name) {
 
 void print_line(const Outcome& outcome) {
   const Json& document = outcome.document;
-  fmt::print("{}\t{}\t{}\t{}\t{}\n", text_of(document, "id"), outcome.plan.title, text_of(document, "state"),
-             text_of(document, "verdict"), text_of(document, "top_cause"));
+  const std::string serial = text_of(document, "serial");
+  fmt::print("{}\t{}\t{}\t{}\t{}\n", text_of(document, "id"), serial == "-" ? outcome.plan.title : serial,
+             text_of(document, "state"), text_of(document, "verdict"), text_of(document, "top_cause"));
   if (!document.contains("error") || !document["error"].is_object()) return;
   const Json& problem = document["error"];
   Error error{.code = text_of(problem, "code"), .message = text_of(problem, "detail")};
@@ -201,12 +186,10 @@ ExitStatus worst(const std::vector<Outcome>& outcomes) {
 }
 
 Result<std::vector<Outcome>> submit(const SubmitArguments& arguments) {
-  const auto token = read_token(arguments);
-  if (!token) return tl::unexpected(token.error());
   const auto options = read_options(arguments.recordings);
   if (!options) return tl::unexpected(options.error());
   const Metadata& labels = options->metadata;
-  auto client = http::Client::open(arguments.server, *token);
+  auto client = open_client(arguments.server);
   if (!client) return tl::unexpected(client.error());
   auto plan = http::plan_submissions(arguments.files, labels);
   if (!plan) return tl::unexpected(plan.error());
@@ -243,8 +226,7 @@ void add_submit_command(CLI::App& app, int& exit_status) {
                                       "files are grouped by lot and serial");
   const auto arguments = std::make_shared<SubmitArguments>();
   verb->add_option("files", arguments->files, "Recordings or folders of recordings")->required();
-  verb->add_option("--server", arguments->server, "http://HOST:PORT or unix:PATH")->required();
-  verb->add_option("--token-file", arguments->token_file, "File with the access token; else VALVETRIAGE_TOKEN");
+  add_server_options(*verb, arguments->server)->required();
   add_metadata_options(*verb, arguments->recordings);
   add_column_options(*verb, arguments->recordings);
   verb->add_flag("--wait", arguments->wait, "Wait for the results; the exit status tells them");

@@ -144,6 +144,14 @@ Result<Answer> Client::get(const std::string& path) {
   return answer_of(state_->client.Get(path, state_->headers), state_->url);
 }
 
+Result<Answer> Client::post(const std::string& path, const std::string& json) {
+  return answer_of(state_->client.Post(path, state_->headers, json, "application/json"), state_->url);
+}
+
+Result<Answer> Client::remove(const std::string& path) {
+  return answer_of(state_->client.Delete(path, state_->headers), state_->url);
+}
+
 Result<Answer> Client::upload(const Upload& upload, const std::function<void(std::uint64_t bytes)>& sent) {
   const std::string boundary = random_boundary();
   UploadBody body(upload, boundary);

@@ -35,6 +35,8 @@ class Client {
 
   /// Errors  `no_connection` with the reason
   Result<Answer> get(const std::string& path);
+  Result<Answer> post(const std::string& path, const std::string& json);
+  Result<Answer> remove(const std::string& path);
   /// Streams the files; `sent` is told how many bytes have gone out. Errors  `no_connection`, `cannot_read`
   Result<Answer> upload(const Upload& upload, const std::function<void(std::uint64_t bytes)>& sent);
 

@@ -192,6 +192,14 @@ Json view(const DocumentRow& row) {
        Json{{"self", fmt::format("/v1/valve-types/{}/{}/{}", percent_encode(row.valve_type), kind, row.version)}}}};
 }
 
+Json view(const TokenRow& row) {
+  return Json{{"id", row.id},
+              {"name", row.name},
+              {"scopes", row.scopes},
+              {"created_at", format_rfc3339(row.created_at)},
+              {"revoked_at", time_or_null(row.revoked_at)}};
+}
+
 Response json_response(const Json& document, int status) {
   Response response;
   response.status = status;

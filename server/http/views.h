@@ -20,6 +20,7 @@ Json view(const AnalysisRow& row);
 Json view(const LotRow& row);
 Json view(const FindingRow& row);
 Json view(const DocumentRow& row);
+Json view(const TokenRow& row);
 
 Response json_response(const Json& document, int status = 200);
 

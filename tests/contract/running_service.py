@@ -8,17 +8,20 @@ import urllib.request
 
 
 class RunningService:
-    """`with RunningService(binary, *options) as service:`; `service.url`, `service.folder` for files of the test."""
+    """`with RunningService(binary, *options) as service:`; `service.url`, `service.folder` for files of the test.
+    `before(service)` runs when the folder is there and the server is not."""
 
-    def __init__(self, binary, *options):
-        self.binary, self.options = str(binary), options
+    def __init__(self, binary, *options, before=lambda service: None):
+        self.binary, self.options, self._before = str(binary), options, before
 
     def __enter__(self):
         self._folder = tempfile.TemporaryDirectory(prefix="valvetriage-")
         self.folder = pathlib.Path(self._folder.name)
+        self.data = self.folder / "data"
+        self._before(self)
         self._log = open(self.folder / "server.log", "wb")
         self._server = subprocess.Popen(
-            [self.binary, "serve", "--listen", "127.0.0.1:0", "--data-dir", self.folder / "data", *self.options],
+            [self.binary, "serve", "--listen", "127.0.0.1:0", "--data-dir", self.data, *self.options],
             stdout=subprocess.PIPE, stderr=self._log, text=True)
         said = self._server.stdout.readline()
         if not said.startswith("listening on "):

@@ -36,6 +36,16 @@ RC_GTEST_PROP(AnalysisJson, TheHashLeavesOutTimesAndNamesAlone, ()) {
   RC_ASSERT(to_json(analysis, kMaking)["result_sha256"] != before["result_sha256"]);
 }
 
+RC_GTEST_PROP(AnalysisJson, TheResultsHashDoesNotKnowTheNumberAStoreGaveTheReference, ()) {
+  Analysis analysis = generate::analysis();
+  analysis.baseline.reference.emplace();
+  const Json in_a_file = to_json(analysis, kMaking);
+  analysis.baseline.reference->version = 3;
+  RC_ASSERT(to_json(analysis, kMaking)["result_sha256"] == in_a_file["result_sha256"]);
+  analysis.baseline.reference->sha256 = "another";
+  RC_ASSERT(to_json(analysis, kMaking)["result_sha256"] != in_a_file["result_sha256"]);
+}
+
 RC_GTEST_PROP(AnalysisJson, TheBaselinesModelIsAModelByItself, ()) {
   const Json document = to_json(generate::analysis(), kMaking);
   RC_ASSERT(model_from_json(document["baseline"]["model"]).has_value());
