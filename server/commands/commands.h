@@ -12,13 +12,26 @@ enum ExitStatus : int { kDone = 0, kFailure = 1, kBadInput = 2, kVerdictNotGood 
 /// Each verb is one file and adds itself to the application. When the verb was called, its callback runs it and sets
 /// `exit_status`. Results go to standard output, messages to standard error, progress to a terminal only.
 /// The list in main.cpp is the list of verbs.
-#define VALVETRIAGE_COMMANDS(X)                                                                               \
-  X(analysis_child)                                                                                           \
-  X(analyze)                                                                                                  \
-  X(backup)                                                                                                   \
-  X(check)                                                                                                    \
-  X(classify) X(export) X(identify) X(migrate) X(paper) X(plan) X(reference) X(restore) X(rule_base) X(serve) \
-      X(simulate) X(submit) X(token)
+// clang-format off
+#define VALVETRIAGE_COMMANDS(X) \
+  X(analysis_child) \
+  X(analyze) \
+  X(backup) \
+  X(check) \
+  X(classify) \
+  X(export) \
+  X(identify) \
+  X(migrate) \
+  X(paper) \
+  X(plan) \
+  X(reference) \
+  X(restore) \
+  X(rule_base) \
+  X(serve) \
+  X(simulate) \
+  X(submit) \
+  X(token)
+// clang-format on
 
 #define X(verb) void add_##verb##_command(CLI::App& app, int& exit_status);
 VALVETRIAGE_COMMANDS(X)
