@@ -51,8 +51,8 @@ def main(run_csv, analysis_json):
         print(text(x(t) - 12, bottom + 18, f"{t:.0f} s", size=12))
     print(polyline(time, simulated, x, y, GOOD))
     print(polyline(time, measured, x, y, MEASURED))
-    names = ", ".join(sorted(recording["name"] for recording in analysis["recordings"]))
-    print(text(LEFT, bottom + 44, f"Made by `valvetriage analyze` and `simulate` from {names}", size=11))
+    count = len(analysis["recordings"])
+    print(text(LEFT, bottom + 44, f"Made by `valvetriage analyze` and `simulate` from {count} recordings of one valve", size=11))
     print("</svg>")
 
 
