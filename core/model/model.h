@@ -15,6 +15,15 @@
 
 namespace valvetriage {
 
+/// A physical cause that a model was extended with: a law of core/mechanisms by its name, and its parameters.
+struct MechanismUse {
+  std::string cause;
+  std::vector<double> parameters;  ///< in the order of the law's table
+  std::string channel;             ///< `side_input` only: the side channel that acts
+
+  bool operator==(const MechanismUse&) const = default;
+};
+
 /// What `simulate` runs and an Analysis stores.
 ///
 ///   linear   y(t) = G (u − input_offset) + output_offset
@@ -31,6 +40,7 @@ struct Model {
   std::optional<OrificeVolume> volume;
   double input_offset = 0;   ///< unit of the input
   double output_offset = 0;  ///< unit of the output
+  std::vector<MechanismUse> mechanisms;  ///< in the order they were found; run by core/mechanisms, not by the linear core
 };
 
 /// How a free run starts.

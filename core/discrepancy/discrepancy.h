@@ -1,0 +1,90 @@
+#pragma once
+
+#include <array>
+#include <map>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace valvetriage {
+
+/// What a simulation gets wrong, why, and what knowing it gains: CONTRACT section 3, field for field. Figures that do
+/// not exist are NaN and become null.
+
+enum class Conclusion { kNone, kNamed, kAmbiguous, kUnexplained };
+
+/// One dependence of the residual.
+struct Finding {
+  std::string what;   ///< "depends on the sign of the input's change"
+  std::string where;  ///< segment, level, band or recording
+  double statistic = 0;
+  double p_value = 1;
+  double share_of_structured_residual = 0;
+};
+
+struct ParameterEstimate {
+  double value = 0;
+  std::string text;  ///< instead of a value: the channel of `side_input`
+  double std_error = 0;
+  std::array<double, 2> ci95{};
+  std::string unit;
+  double population_mean = 0;
+  double population_sd = 0;
+};
+
+/// A cause that is in the extended model.
+struct NamedCause {
+  std::string cause, family, origin;
+  double probability = 0, family_probability = 0;
+  std::vector<std::string> alternatives;
+  std::vector<std::pair<std::string, ParameterEstimate>> parameters;
+  double severity_in_population_sd = 0;
+  std::map<std::string, double> error_eq20_caused;  ///< level → psi/s
+  double rmse_before = 0, rmse_after = 0, p_value = 1;
+  std::vector<std::string> evidence;
+};
+
+enum class CandidateStatus { kTested, kNotExcited, kNotIdentifiable };
+
+/// One explanation that was considered: a cause, a pair "friction+leakage", "none" or "unknown".
+struct Candidate {
+  std::string cause;
+  double probability = 0;
+  double rmse_heldout = 0;
+  CandidateStatus status = CandidateStatus::kTested;
+  std::string reason;
+  std::map<std::string, double> upper_limit95;  ///< parameter → largest value that the data do not exclude
+};
+
+/// Gain on another kind of test than the one fitted.
+struct Transfer {
+  std::string from, to;
+  double rmse_baseline = 0, rmse_extended = 0;
+};
+
+struct DiscrepancyGain {
+  std::string heldout;  ///< what was held out: "each recording in turn", "blocks of 5 s"
+  double rmse_baseline = 0, rmse_extended = 0, rmse_black_box = 0, noise_floor = 0;
+  double reduction = 0;
+  std::array<double, 2> reduction_ci95{};
+  std::vector<Transfer> transfer;
+};
+
+struct NextTest {
+  std::string test, why;
+  std::vector<std::string> separates;
+  double expected_probability = 0;
+  std::string input_csv;
+};
+
+struct Discrepancy {
+  Conclusion conclusion = Conclusion::kNone;
+  std::vector<Finding> findings;
+  std::vector<NamedCause> causes;
+  std::vector<Candidate> candidates;
+  DiscrepancyGain gain;
+  std::optional<NextTest> next_test;
+};
+
+}  // namespace valvetriage

@@ -1,0 +1,100 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "core/model/magnetic_loop.h"
+#include "core/model/orifice_volume.h"
+#include "core/model/valve_dynamics.h"
+#include "core/recording/recording.h"
+
+namespace valvetriage {
+
+/// Where in a model a law acts, from the input to the reading.
+///
+/// kInput     on the input between samples: every interval's start and end, one after the other
+/// kPosition  behind the spool's dynamics, before the static map; input units
+/// kSteady    behind the static map: the output that would be steady
+/// kPhysics   inside the valve's own blocks: the law changes their parameters (`reshape`)
+/// kOutput    behind everything: the reading
+enum class Place : std::uint8_t { kInput, kPosition, kSteady, kPhysics, kOutput };
+
+/// One physical parameter of a law.
+struct MechanismParameter {
+  std::string_view name;  ///< of the contract, with its unit where it has one: `breakaway_A`
+  std::string_view unit;  ///< "A", "psi", "s", "Hz", "1/psi2", ... in valve units; "" where unitless
+  std::string_view meaning;
+};
+
+/// What the bounds of a parameter depend on: the recordings at hand.
+struct MechanismScales {
+  double sample_period_s = 0;         ///< shortest
+  double longest_s = 0;               ///< longest recording
+  double input_low = 0, input_high = 0;
+  double output_low = 0, output_high = 0;  ///< of the simulation without the law
+  double output_range = 0;                 ///< R: the reference's range, else output_high − output_low
+  double slope = 0;                        ///< steepest output per input of the model, for sizes in output units
+};
+
+/// A point of the parameters with its bounds, all of the same length as the law's parameters.
+struct MechanismBounds {
+  std::vector<double> lower, upper;
+  std::vector<double> step;                 ///< for differences
+  std::vector<std::vector<double>> starts;  ///< where a search begins, none of them without effect
+};
+
+/// What a law on a signal may look at, beside the signal. `time_s` has one entry per entry of the signal (kInput: two
+/// per sample, its start and its end), counted from the start of the recording.
+struct LawContext {
+  std::span<const double> time_s;
+  double output_range = 0;               ///< R
+  std::span<const double> steady;        ///< kOutput and kSteady: the output that would be steady, empty if unknown
+  std::span<const double> driver;        ///< kInput: the signal without its noise, edges kept; empty: the signal itself
+  std::span<const Channel> side;         ///< side channels on the same samples (kOutput only)
+  std::size_t recording = 0;             ///< index of the recording in the session
+};
+
+/// The valve's blocks, whose parameters a kPhysics law changes.
+struct ValveBlocks {
+  MagneticLoop& loop;
+  ValveDynamics& spool;
+  OrificeVolume& volume;
+};
+
+/// One physical cause: its law, where it comes from, what it looks like, what it is confused with. One file each.
+struct Mechanism {
+  std::string_view cause;   ///< the contract's name, and the file's
+  std::string_view family;  ///< memory static timing flow disturbance slow
+  std::string_view origin;  ///< valve stand either
+  std::string_view wrong;   ///< what is physically wrong
+  std::string_view law;     ///< the equation
+  std::string_view source;
+  std::string_view signature;                      ///< what it looks like in a recording
+  std::span<const std::string_view> confused_with;  ///< causes
+  Place place;
+  std::span<const MechanismParameter> parameters;
+  /// Entry of `parameters` that measures the size of the effect, and the value at which it has none (may be infinite).
+  std::size_t size_parameter;
+  double neutral;
+
+  MechanismBounds (*bounds)(const MechanismScales&);
+
+  /// The law on a signal, in place. Null for kPhysics.
+  void (*apply)(std::span<const double> parameters, const LawContext& context, std::span<double> signal);
+  /// How a small change before the law leaves it, in place; `before` is the signal that entered. Null: unchanged
+  /// (an additive law), or kInput, kPosition and kPhysics.
+  void (*tangent)(std::span<const double> parameters, const LawContext& context, std::span<const double> before,
+                  std::span<double> change);
+  /// The law on the valve's blocks. Null but for kPhysics.
+  void (*reshape)(std::span<const double> parameters, ValveBlocks blocks);
+};
+
+/// Every mechanism there is, in the order of the contract's table. Made by CMake from the files of this folder.
+std::span<const Mechanism* const> all_mechanisms();
+
+/// Null for a name that is none of them.
+const Mechanism* find_mechanism(std::string_view cause);
+
+}  // namespace valvetriage
