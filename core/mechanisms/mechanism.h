@@ -19,6 +19,9 @@ namespace valvetriage {
 /// kSteady    behind the static map: the output that would be steady
 /// kPhysics   inside the valve's own blocks: the law changes their parameters (`reshape`)
 /// kOutput    behind everything: the reading
+///
+/// In a linear model, which has no map and no volume, x = G (u − input_offset) / G(0) + input_offset is the position,
+/// and kSteady acts where kOutput does, before it.
 enum class Place : std::uint8_t { kInput, kPosition, kSteady, kPhysics, kOutput };
 
 /// One physical parameter of a law.
@@ -30,30 +33,37 @@ struct MechanismParameter {
 
 /// What the bounds of a parameter depend on: the recordings at hand.
 struct MechanismScales {
-  double sample_period_s = 0;         ///< shortest
-  double longest_s = 0;               ///< longest recording
+  double sample_period_s = 0;  ///< shortest
+  double longest_s = 0;        ///< longest recording
   double input_low = 0, input_high = 0;
   double output_low = 0, output_high = 0;  ///< of the simulation without the law
   double output_range = 0;                 ///< R: the reference's range, else output_high − output_low
   double slope = 0;                        ///< steepest output per input of the model, for sizes in output units
+  std::size_t recordings = 1;              ///< of the session
+  std::vector<double> side_range;          ///< largest minus smallest value of each side channel
 };
 
 /// A point of the parameters with its bounds, all of the same length as the law's parameters.
 struct MechanismBounds {
   std::vector<double> lower, upper;
-  std::vector<double> step;                 ///< for differences
-  std::vector<std::vector<double>> starts;  ///< where a search begins, none of them without effect
+  std::vector<double> step;                 ///< for differences; 0: a whole number, to be searched and not varied
+  std::vector<std::vector<double>> starts;  ///< where a search begins, none of them without effect; empty: nothing here
+                                            ///< that the law could act on
 };
 
 /// What a law on a signal may look at, beside the signal. `time_s` has one entry per entry of the signal (kInput: two
 /// per sample, its start and its end), counted from the start of the recording.
 struct LawContext {
   std::span<const double> time_s;
-  double output_range = 0;               ///< R
-  std::span<const double> steady;        ///< kOutput and kSteady: the output that would be steady, empty if unknown
-  std::span<const double> driver;        ///< kInput: the signal without its noise, edges kept; empty: the signal itself
-  std::span<const Channel> side;         ///< side channels on the same samples (kOutput only)
-  std::size_t recording = 0;             ///< index of the recording in the session
+  double output_range = 0;         ///< R
+  std::span<const double> steady;  ///< kOutput and kSteady: the output that would be steady, empty if unknown
+  std::span<const double> driver;  ///< kInput: the signal without its noise, edges kept; empty: the signal itself
+  std::span<const Channel> side;   ///< side channels on the same samples (kOutput only)
+  std::size_t recording = 0;       ///< index of the recording in the session
+  std::span<const double> input;   ///< kSteady: the input at each sample; empty if unknown
+  double input_middle = 0;         ///< kSteady: middle of the input's range, ends of the map
+  double rest_input = 0;           ///< kPosition: where a restoring spring is relaxed (valve: the lowest input)
+  double secant = 0;               ///< kPosition: output per input over the whole range, ends of the map
 };
 
 /// The valve's blocks, whose parameters a kPhysics law changes.
@@ -65,17 +75,20 @@ struct ValveBlocks {
 
 /// One physical cause: its law, where it comes from, what it looks like, what it is confused with. One file each.
 struct Mechanism {
+  int order;                ///< place in the contract's table, from 1
   std::string_view cause;   ///< the contract's name, and the file's
   std::string_view family;  ///< memory static timing flow disturbance slow
   std::string_view origin;  ///< valve stand either
   std::string_view wrong;   ///< what is physically wrong
   std::string_view law;     ///< the equation
   std::string_view source;
-  std::string_view signature;                      ///< what it looks like in a recording
+  std::string_view signature;                       ///< what it looks like in a recording
   std::span<const std::string_view> confused_with;  ///< causes
   Place place;
+  /// Those of the contract first, then what the law needs beside them (a phase, the index of a channel).
   std::span<const MechanismParameter> parameters;
   /// Entry of `parameters` that measures the size of the effect, and the value at which it has none (may be infinite).
+  /// A law without parameters is on or off: `size_parameter` is then parameters.size().
   std::size_t size_parameter;
   double neutral;
 
@@ -87,11 +100,13 @@ struct Mechanism {
   /// (an additive law), or kInput, kPosition and kPhysics.
   void (*tangent)(std::span<const double> parameters, const LawContext& context, std::span<const double> before,
                   std::span<double> change);
-  /// The law on the valve's blocks. Null but for kPhysics.
+  /// The law on the valve's blocks. A law of another place has it too where a block of the valve must know of it; a
+  /// model without that block does with `apply` alone. Null otherwise.
   void (*reshape)(std::span<const double> parameters, ValveBlocks blocks);
 };
 
-/// Every mechanism there is, in the order of the contract's table. Made by CMake from the files of this folder.
+/// Every mechanism there is, in the order of the contract's table. The list is made by CMake from the files of this
+/// folder: <cause>.cpp defines `k<Cause>`.
 std::span<const Mechanism* const> all_mechanisms();
 
 /// Null for a name that is none of them.

@@ -40,7 +40,8 @@ struct Model {
   std::optional<OrificeVolume> volume;
   double input_offset = 0;   ///< unit of the input
   double output_offset = 0;  ///< unit of the output
-  std::vector<MechanismUse> mechanisms;  ///< in the order they were found; run by core/mechanisms, not by the linear core
+  std::vector<MechanismUse>
+      mechanisms;  ///< in the order they were found; run by core/mechanisms, not by the linear core
 };
 
 /// How a free run starts.

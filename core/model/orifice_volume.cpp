@@ -15,25 +15,51 @@ constexpr double kLeastDrop_psi = 1.0;
 struct Flow {
   double drain = 0, drain_slope = 0;
   double drop = 0, drop_slope = 0;
+  double out = 0, out_slope = 0;  ///< what leaves a volume with faults: drain and loss
 };
+
+constexpr double kLeastExponent = 0.05;
+
+/// (p + ε)^n − ε^n and its slope, the tangent below zero.
+void orifice(double p, double n, double zero, double& flow, double& slope) {
+  if (p >= 0) {
+    const double power = std::pow(p + kLaminar_psi, n);
+    flow = power - zero;
+    slope = n * power / (p + kLaminar_psi);
+  } else {
+    slope = n * zero / kLaminar_psi;
+    flow = slope * p;
+  }
+}
 
 class Law {
  public:
   explicit Law(const OrificeVolume& volume)
-      : n_(volume.exponent), supply_(volume.supply_psi), zero_(std::pow(kLaminar_psi, volume.exponent)) {
+      : n_(volume.exponent),
+        supply_(volume.supply_psi),
+        zero_(std::pow(kLaminar_psi, volume.exponent)),
+        fall_(volume.fall_to_rise_ratio) {
     const Flow at = flow(volume.reference_psi);
     scale_ = 1.0 / (volume.time_constant_s * (at.drain_slope - at.drain * at.drop_slope / at.drop));
+    if (volume.drain_excess_exponent != 0) add_drain(volume, at.drain);
+    if (volume.loss_fraction != 0) add_loss(volume);
   }
 
   Flow flow(double p) const {
     Flow flow;
-    if (p >= 0) {
-      const double power = std::pow(p + kLaminar_psi, n_);
-      flow.drain = power - zero_;
-      flow.drain_slope = n_ * power / (p + kLaminar_psi);
-    } else {
-      flow.drain_slope = n_ * zero_ / kLaminar_psi;
-      flow.drain = flow.drain_slope * p;
+    orifice(p, n_, zero_, flow.drain, flow.drain_slope);
+    flow.out = flow.drain;
+    flow.out_slope = flow.drain_slope;
+    if (drain_share_ != 0) {
+      orifice(p, drain_n_, drain_zero_, flow.out, flow.out_slope);
+      flow.out *= drain_share_;
+      flow.out_slope *= drain_share_;
+    }
+    if (loss_share_ != 0) {
+      double loss = 0, loss_slope = 0;
+      orifice(p, 0.5, std::sqrt(kLaminar_psi), loss, loss_slope);
+      flow.out += loss_share_ * loss;
+      flow.out_slope += loss_share_ * loss_slope;
     }
     const double drop = std::max(supply_ - p, kLeastDrop_psi);
     flow.drop = std::pow(drop, n_);
@@ -47,13 +73,35 @@ class Law {
   };
   Rate rate(const Flow& p, const Flow& m) const {
     const double ratio = p.drop / m.drop;
-    return {scale_ * (ratio * m.drain - p.drain), scale_ * (m.drain * p.drop_slope / m.drop - p.drain_slope),
-            scale_ * ratio * (m.drain_slope - m.drain * m.drop_slope / m.drop)};
+    Rate rate{scale_ * (ratio * m.drain - p.out), scale_ * (m.drain * p.drop_slope / m.drop - p.out_slope),
+              scale_ * ratio * (m.drain_slope - m.drain * m.drop_slope / m.drop)};
+    if (fall_ != 1 && rate.value < 0) rate = {rate.value / fall_, rate.by_p / fall_, rate.by_m / fall_};
+    return rate;
   }
 
  private:
-  double n_, supply_, zero_;
+  /// Another exponent of the drain, its flow at the reference pressure unchanged.
+  void add_drain(const OrificeVolume& volume, double flow_at_reference) {
+    drain_n_ = std::max(n_ + volume.drain_excess_exponent, kLeastExponent);
+    drain_zero_ = std::pow(kLaminar_psi, drain_n_);
+    double flow = 0, slope = 0;
+    orifice(volume.reference_psi, drain_n_, drain_zero_, flow, slope);
+    drain_share_ = flow_at_reference / flow;
+  }
+
+  /// A second orifice that passes a fraction of the healthy through-flow at the highest pressure.
+  void add_loss(const OrificeVolume& volume) {
+    const double highest = volume.highest_psi > 0 ? volume.highest_psi : 2 * volume.reference_psi;
+    double through = 0, loss = 0, slope = 0;
+    orifice(highest, n_, zero_, through, slope);
+    orifice(highest, 0.5, std::sqrt(kLaminar_psi), loss, slope);
+    loss_share_ = volume.loss_fraction * through / loss;
+  }
+
+  double n_, supply_, zero_, fall_;
   double scale_ = 0;
+  double drain_n_ = 0, drain_zero_ = 0, drain_share_ = 0;  // share 0: the healthy drain
+  double loss_share_ = 0;
 };
 
 /// (1 − e^(−x)) / x, its limit 1 at 0.
@@ -72,7 +120,7 @@ void run_volume(const OrificeVolume& volume, double sample_period_s, double firs
     tangent->keep.assign(n, 0);
     tangent->pass.assign(n, 0);
   }
-  double p = first_psi;
+  double p = std::min(first_psi, volume.ceiling_psi);
   double m = n > 0 ? steady[0] : 0;
   for (std::size_t i = 0; i < n; ++i) {
     const double next_m = i + 1 < n ? steady[i + 1] : m;
@@ -89,8 +137,28 @@ void run_volume(const OrificeVolume& volume, double sample_period_s, double firs
       tangent->pass[i] = 0.5 * reach * centre.by_m;
     }
     p += reach * slope_there;
+    if (p > volume.ceiling_psi) {
+      p = volume.ceiling_psi;
+      if (tangent) tangent->keep[i] = tangent->pass[i] = 0;
+    }
     m = next_m;
   }
+}
+
+double settled_psi(const OrificeVolume& volume, double steady_psi) {
+  double settled = steady_psi;
+  if (volume.drain_excess_exponent != 0 || volume.loss_fraction != 0) {
+    const Law law(volume);
+    const Flow m = law.flow(steady_psi);
+    // The rate falls with p, so a bracket around its zero can be halved: to the last bit, and no slope is needed.
+    double low = std::min(steady_psi, 0.0) - 1, high = std::max(volume.supply_psi, steady_psi + 1);
+    for (int halving = 0; halving < 80; ++halving) {
+      const double middle = 0.5 * (low + high);
+      (law.rate(law.flow(middle), m).value > 0 ? low : high) = middle;
+    }
+    settled = 0.5 * (low + high);
+  }
+  return std::min(settled, volume.ceiling_psi);
 }
 
 }  // namespace valvetriage

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -15,11 +16,25 @@ namespace valvetriage {
 /// `time_constant_s`: settling is fast at low pressure and slow at mid pressure, and differs up and down.
 /// ε = 1 psi: every orifice is laminar at small drops (Borutzky, Control Eng. Practice 10 (2002) 1253).
 /// Source: Merritt, Hydraulic Control Systems (1967), chapters 3 and 5.
+///
+/// What may be wrong with it, neutral by default; the inflow and κ stay those of the healthy volume:
+///
+///   dp/dt = κ [ ((P_s − p) / (P_s − m))^n φ_n(m) − φ_{n+Δ}(p) φ_n(r)/φ_{n+Δ}(r) − f φ_n(H) ψ(p)/ψ(H) ] / (fall ratio)
+///
+/// with Δ the drain's excess exponent, r the reference pressure, f the loss fraction, H the highest pressure,
+/// ψ(p) = √(p + ε) − √ε, the fall ratio only while p falls, and p never above the ceiling (a relief valve). It then
+/// settles at `settled_psi`, which is m only for the healthy one.
 struct OrificeVolume {
   double time_constant_s = 0;  ///< > 0, at reference_psi [s]
   double exponent = 0.5;       ///< n of flow over pressure drop, 0.2 to 1.5
   double supply_psi = 0;       ///< P_s, above every steady pressure [psi]
   double reference_psi = 0;    ///< where the time constant holds [psi]
+
+  double fall_to_rise_ratio = 1;     ///< time constant of falling over that of rising, > 0
+  double loss_fraction = 0;          ///< f ≥ 0, loss over through-flow at highest_psi
+  double highest_psi = 0;            ///< H, the reference's highest level; 0: twice reference_psi [psi]
+  double drain_excess_exponent = 0;  ///< Δ; n + Δ is kept at 0.05 or more
+  double ceiling_psi = std::numeric_limits<double>::infinity();  ///< [psi]
 
   bool operator==(const OrificeVolume&) const = default;
 };
@@ -39,5 +54,8 @@ struct VolumeTangent {
 ///           period and stable for every time constant
 void run_volume(const OrificeVolume& volume, double sample_period_s, double first_psi, std::span<const double> steady,
                 std::span<double> pressure, VolumeTangent* tangent = nullptr);
+
+/// The pressure at which the volume settles under a steady m: m itself where nothing is wrong, lower with a loss.
+double settled_psi(const OrificeVolume& volume, double steady_psi);
 
 }  // namespace valvetriage

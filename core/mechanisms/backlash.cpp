@@ -1,0 +1,57 @@
+// backlash: lost motion; the output holds while the input reverses through the play.
+//
+//   z ← min(max(z, x − W/2), x + W/2)                                                    the play operator
+//
+// Source     Krasnosel'skii and Pokrovskii, Systems with Hysteresis (1989); Nordin and Gutman, Automatica 38 (2002) 1633
+// Looks like a flat piece after every reversal, as wide at every rate; level differs by W up and down, no slip-jump
+// Confused   with friction (slips in jumps), hysteresis (rounded, scales with the way), dead_band (no memory)
+
+#include <algorithm>
+#include <array>
+
+#include "core/mechanisms/bounds.h"
+
+namespace valvetriage {
+namespace {
+
+constexpr std::array<MechanismParameter, 1> kParameters{{{"width_A", "A", "full width of the play"}}};
+constexpr std::array<std::string_view, 3> kConfusedWith{"friction", "hysteresis", "dead_band"};
+
+MechanismBounds bounds(const MechanismScales& scales) {
+  const double range = input_range(scales);
+  return one_parameter(0, 0.5 * range, 2e-4 * range, spread(0.004 * range, 0.1 * range, 3));
+}
+
+void apply(std::span<const double> parameters, const LawContext& context, std::span<double> x) {
+  const double half = 0.5 * parameters[0];
+  const std::span<const double> driver = context.driver.empty() ? x : context.driver;
+  double z = x.empty() ? 0 : driver[0];
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    z = std::clamp(z, driver[i] - half, driver[i] + half);
+    x[i] -= driver[i] - z;
+  }
+}
+
+}  // namespace
+
+extern constinit const Mechanism kBacklash{
+    .order = 2,
+    .cause = "backlash",
+    .family = "memory",
+    .origin = "valve",
+    .wrong = "lost motion: output holds while the input reverses through the play",
+    .law = "z ← min(max(z, x − W/2), x + W/2)",
+    .source = "Krasnosel'skii, Pokrovskii, Systems with Hysteresis (1989); Nordin, Gutman, Automatica 38 (2002) 1633",
+    .signature = "a flat piece of the same width after every reversal, at every rate; then the input is followed without "
+                 "a jump",
+    .confused_with = kConfusedWith,
+    .place = Place::kInput,
+    .parameters = kParameters,
+    .size_parameter = 0,
+    .neutral = 0,
+    .bounds = bounds,
+    .apply = apply,
+    .tangent = nullptr,
+    .reshape = nullptr};
+
+}  // namespace valvetriage

@@ -1,0 +1,72 @@
+// friction: the spool sticks until the force difference passes breakaway, then slips.
+//
+//   held while |x − held| ≤ F_s;   else held ← x − sign(x − held) min(F_k, F_s)        forces as input equivalents
+//
+// Source     stick-slip limit of Coulomb friction with breakaway: Armstrong-Hélouvry, Dupont, Canudas de Wit, Automatica
+//            30 (1994) 1083; as a data-driven valve model: Choudhury, Thornhill, Shah, Control Eng. Practice 13 (2005) 641
+// Looks like stair-steps on slow ramps, a level that depends on the side it was reached from, small inputs without effect
+// Confused   with backlash (kinetic near breakaway is play), hysteresis (a smooth loop), dead_band (no memory)
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "core/mechanisms/bounds.h"
+
+namespace valvetriage {
+namespace {
+
+enum Parameter { kBreakaway, kKinetic };
+
+constexpr std::array<MechanismParameter, 2> kParameters{
+    {{"breakaway_A", "A", "force that sets the resting spool in motion"},
+     {"kinetic_A", "A", "force on the moving spool; at most breakaway"}}};
+constexpr std::array<std::string_view, 3> kConfusedWith{"backlash", "hysteresis", "dead_band"};
+
+MechanismBounds bounds(const MechanismScales& scales) {
+  const double range = input_range(scales);
+  MechanismBounds bounds{.lower = {0, 0}, .upper = {0.5 * range, 0.5 * range}, .step = {2e-4 * range, 2e-4 * range},
+                         .starts = {}};
+  for (const double breakaway : spread(0.003 * range, 0.12 * range, 4)) {
+    bounds.starts.push_back({breakaway, 0.65 * breakaway});
+  }
+  return bounds;
+}
+
+/// The way of the driver that sticks is taken off the signal, so that noise on a held input does not move the spool and
+/// a law without friction changes nothing.
+void apply(std::span<const double> parameters, const LawContext& context, std::span<double> x) {
+  const double breakaway = parameters[kBreakaway];
+  const double kinetic = std::min(parameters[kKinetic], breakaway);
+  const std::span<const double> driver = context.driver.empty() ? x : context.driver;
+  double held = x.empty() ? 0 : driver[0];
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    const double pull = driver[i] - held;
+    if (std::abs(pull) > breakaway) held = driver[i] - std::copysign(kinetic, pull);
+    x[i] -= driver[i] - held;
+  }
+}
+
+}  // namespace
+
+extern constinit const Mechanism kFriction{
+    .order = 1,
+    .cause = "friction",
+    .family = "memory",
+    .origin = "valve",
+    .wrong = "sticks until the force difference passes breakaway, then slips (stiction, Coulomb)",
+    .law = "held while |x − held| ≤ F_s, else held ← x − sign(x − held) min(F_k, F_s)",
+    .source = "Armstrong-Hélouvry, Dupont, Canudas de Wit, Automatica 30 (1994) 1083; Choudhury, Thornhill, Shah, "
+              "Control Eng. Practice 13 (2005) 641",
+    .signature = "stair-steps on slow ramps; the level depends on the side it was reached from; small inputs do nothing",
+    .confused_with = kConfusedWith,
+    .place = Place::kInput,
+    .parameters = kParameters,
+    .size_parameter = kBreakaway,
+    .neutral = 0,
+    .bounds = bounds,
+    .apply = apply,
+    .tangent = nullptr,
+    .reshape = nullptr};
+
+}  // namespace valvetriage

@@ -1,0 +1,74 @@
+// side_input: a measured side channel acts on the output.
+//
+//   y ← y + k (s − mean s)   over the recording; a constant part is the offset's
+//
+// `channel` is the index of the side channel; a Model stores its name (MechanismUse::channel).
+//
+// Source     disturbance feedthrough, first order: ISO 10770-1 (temperature and supply sensitivity of a valve)
+// Looks like a residual that follows a channel, at every level
+// Confused   with sensor_drift (where the channel drifts), thermal_drift, sensor_offset
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numeric>
+
+#include "core/mechanisms/bounds.h"
+
+namespace valvetriage {
+namespace {
+
+enum Parameter { kCoefficient, kChannel };
+
+constexpr std::array<MechanismParameter, 2> kParameters{
+    {{"coefficient", "psi per unit of the channel", "effect of the channel on the reading"},
+     {"channel", "", "index of the side channel, from 0"}}};
+constexpr std::array<std::string_view, 3> kConfusedWith{"sensor_drift", "thermal_drift", "sensor_offset"};
+constexpr std::size_t kMostStarts = 6;
+
+MechanismBounds bounds(const MechanismScales& scales) {
+  MechanismBounds bounds{.lower = {0, 0}, .upper = {0, 0}, .step = {0, 0}, .starts = {}};
+  for (std::size_t c = 0; c < scales.side_range.size(); ++c) {
+    if (!(scales.side_range[c] > 0)) continue;
+    const double most = scales.output_range / scales.side_range[c];
+    bounds.upper = {std::max(bounds.upper[0], most), static_cast<double>(c)};
+    bounds.lower[0] = -bounds.upper[0];
+    bounds.step[0] = 1e-5 * bounds.upper[0];
+    if (bounds.starts.size() < kMostStarts) bounds.starts.push_back({0.01 * most, static_cast<double>(c)});
+  }
+  return bounds;
+}
+
+void apply(std::span<const double> parameters, const LawContext& context, std::span<double> y) {
+  const auto channel = static_cast<std::size_t>(std::max(std::llround(parameters[kChannel]), 0LL));
+  if (parameters[kCoefficient] == 0 || channel >= context.side.size() || y.empty()) return;
+  const std::vector<double>& s = context.side[channel].values;
+  const std::size_t samples = std::min(s.size(), y.size());
+  if (samples == 0) return;
+  const auto end = s.begin() + static_cast<std::ptrdiff_t>(samples);
+  const double mean = std::accumulate(s.begin(), end, 0.0) / static_cast<double>(samples);
+  for (std::size_t i = 0; i < samples; ++i) y[i] += parameters[kCoefficient] * (s[i] - mean);
+}
+
+}  // namespace
+
+extern constinit const Mechanism kSideInput{
+    .order = 23,
+    .cause = "side_input",
+    .family = "slow",
+    .origin = "stand",
+    .wrong = "a measured side channel acts on the output",
+    .law = "y ← y + k (s − mean s)",
+    .source = "temperature and supply sensitivity of a valve: ISO 10770-1",
+    .signature = "a residual that follows a side channel, at every level",
+    .confused_with = kConfusedWith,
+    .place = Place::kOutput,
+    .parameters = kParameters,
+    .size_parameter = kCoefficient,
+    .neutral = 0,
+    .bounds = bounds,
+    .apply = apply,
+    .tangent = nullptr,
+    .reshape = nullptr};
+
+}  // namespace valvetriage
