@@ -7,14 +7,6 @@
 namespace valvetriage::stand {
 namespace {
 
-std::vector<Command> commands_of_session(const SessionOptions& options) {
-  std::vector<Command> commands;
-  for (const std::string& test : options.tests)
-    for (Command& command : commands_of(test)) commands.push_back(std::move(command));
-  commands.insert(commands.end(), options.inputs.begin(), options.inputs.end());
-  return commands;
-}
-
 Conditions conditions_of(const SessionOptions& options) {
   Conditions conditions;
   conditions.noise_psi = options.noise_psi;
@@ -37,14 +29,25 @@ std::vector<std::string> full_session() {
   return {"steps", "staircase", "triangle", "triangle_fast", "sweep", "multisine"};
 }
 
+std::vector<Command> commands_of_session(const SessionOptions& options) {
+  std::vector<Command> commands;
+  for (const std::string& test : options.tests)
+    for (Command& command : commands_of(test)) commands.push_back(std::move(command));
+  commands.insert(commands.end(), options.inputs.begin(), options.inputs.end());
+  return commands;
+}
+
+std::uint64_t effect_seed(const SessionOptions& options) {
+  return Random(options.unit_seed, "effects").next() ^ options.noise_seed;
+}
+
 Session run_session(const SessionOptions& options) {
   Session session;
   session.options = options;
   session.unit = draw_unit(options.unit_seed);
   const std::vector<Command> commands = commands_of_session(options);
   const Conditions conditions = conditions_of(options);
-  const std::uint64_t effect_seed = Random(options.unit_seed, "effects").next() ^ options.noise_seed;
-  SpoiledSession spoiled = hide_effects(options.effects, session.unit, commands, effect_seed);
+  SpoiledSession spoiled = hide_effects(options.effects, session.unit, commands, effect_seed(options));
   for (std::size_t i = 0; i < commands.size(); ++i)
     session.recordings.push_back(record(options, session.unit, spoiled.faults[i], conditions, commands[i]));
   session.truth = std::move(spoiled.truth);

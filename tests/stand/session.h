@@ -37,6 +37,12 @@ struct Session {
 /// The six recordings of 4,000 samples that a full session consists of.
 std::vector<std::string> full_session();
 
+/// The commands that a session plays, in order.
+std::vector<Command> commands_of_session(const SessionOptions& options);
+
+/// What the effects draw from beside their sizes (see `hide_effects`).
+std::uint64_t effect_seed(const SessionOptions& options);
+
 /// Plays the tests on the unit. Throws std::invalid_argument for what the stand does not have.
 Session run_session(const SessionOptions& options);
 

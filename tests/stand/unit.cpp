@@ -8,29 +8,43 @@
 
 namespace valvetriage::stand {
 
+const std::vector<UnitSpread>& unit_spread() {
+  static const std::vector<UnitSpread> table = {
+      {"delay_s", [](Unit& u) -> double& { return u.delay_s; }, 0.10, true},
+      {"driver_time_constant_s", [](Unit& u) -> double& { return u.driver_time_constant_s; }, 0.08, true},
+      {"force_per_current_n_per_a", [](Unit& u) -> double& { return u.force_per_current_n_per_a; }, 0.01, true},
+      {"magnetic_knee_a", [](Unit& u) -> double& { return u.magnetic_knee_a; }, 0.03, true},
+      {"loop_width_a", [](Unit& u) -> double& { return u.loop_width_a; }, 0.20, true},
+      {"mass_kg", [](Unit& u) -> double& { return u.mass_kg; }, 0.04, true},
+      {"spring_n_per_mm", [](Unit& u) -> double& { return u.spring_n_per_mm; }, 0.02, true},
+      {"damping_ratio", [](Unit& u) -> double& { return u.damping_ratio; }, 0.08, true},
+      {"breakaway_a", [](Unit& u) -> double& { return u.breakaway_a; }, 0.25, true},
+      {"kinetic_ratio", [](Unit& u) -> double& { return u.kinetic_ratio; }, 0.05, true},
+      {"stribeck_mm_per_s", [](Unit& u) -> double& { return u.stribeck_mm_per_s; }, 0.15, true},
+      {"outflow_exponent", [](Unit& u) -> double& { return u.outflow_exponent; }, 0.01, true},
+      {"time_constant_120psi_s", [](Unit& u) -> double& { return u.time_constant_120psi_s; }, 0.06, true},
+      {"leak_fraction", [](Unit& u) -> double& { return u.leak_fraction; }, 0.25, true},
+      {"map_gain", [](Unit& u) -> double& { return u.map_gain; }, 0.008, true},
+      {"map_shift_a", [](Unit& u) -> double& { return u.map_shift_a; }, 0.003, false},
+      {"map_bump_a[0]", [](Unit& u) -> double& { return u.map_bump_a[0]; }, 0.0015, false},
+      {"map_bump_a[1]", [](Unit& u) -> double& { return u.map_bump_a[1]; }, 0.0015, false},
+      {"map_bump_a[2]", [](Unit& u) -> double& { return u.map_bump_a[2]; }, 0.0015, false},
+      {"map_bump_a[3]", [](Unit& u) -> double& { return u.map_bump_a[3]; }, 0.0015, false},
+      {"map_bump_a[4]", [](Unit& u) -> double& { return u.map_bump_a[4]; }, 0.0015, false},
+      {"map_bump_a[5]", [](Unit& u) -> double& { return u.map_bump_a[5]; }, 0.0015, false},
+      {"sensor_time_constant_s", [](Unit& u) -> double& { return u.sensor_time_constant_s; }, 0.06, true},
+      {"sensor_offset_psi", [](Unit& u) -> double& { return u.sensor_offset_psi; }, 0.15, false},
+  };
+  return table;
+}
+
 Unit draw_unit(std::uint64_t seed) {
   Random random(seed, "unit");
   Unit unit;
-  const auto spread = [&](double& value, double relative_sd) { value *= 1 + relative_sd * random.tolerance(); };
-  spread(unit.delay_s, 0.10);
-  spread(unit.driver_time_constant_s, 0.08);
-  spread(unit.force_per_current_n_per_a, 0.01);
-  spread(unit.magnetic_knee_a, 0.03);
-  spread(unit.loop_width_a, 0.20);
-  spread(unit.mass_kg, 0.04);
-  spread(unit.spring_n_per_mm, 0.02);
-  spread(unit.damping_ratio, 0.08);
-  spread(unit.breakaway_a, 0.25);
-  spread(unit.kinetic_ratio, 0.05);
-  spread(unit.stribeck_mm_per_s, 0.15);
-  spread(unit.outflow_exponent, 0.01);
-  spread(unit.time_constant_120psi_s, 0.06);
-  spread(unit.leak_fraction, 0.25);
-  spread(unit.map_gain, 0.008);
-  unit.map_shift_a = 0.003 * random.tolerance();
-  for (double& bump : unit.map_bump_a) bump = 0.0015 * random.tolerance();
-  spread(unit.sensor_time_constant_s, 0.06);
-  unit.sensor_offset_psi = 0.15 * random.tolerance();
+  for (const UnitSpread& spread : unit_spread()) {
+    double& value = spread.of(unit);
+    value = spread.relative ? value * (1 + spread.sd * random.tolerance()) : spread.sd * random.tolerance();
+  }
   return unit;
 }
 

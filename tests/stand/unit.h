@@ -2,6 +2,8 @@
 
 #include <array>
 #include <cstdint>
+#include <string>
+#include <vector>
 
 namespace valvetriage::stand {
 
@@ -31,6 +33,16 @@ struct Unit {
   double sensor_time_constant_s = 0.005;
   double sensor_offset_psi = 0;
 };
+
+/// How one parameter differs between healthy units: by `sd`, of its own value where it is `relative`.
+struct UnitSpread {
+  std::string name;
+  double& (*of)(Unit&);
+  double sd;
+  bool relative;
+};
+/// Every parameter that differs between healthy units, in the order in which they are drawn (README, table).
+const std::vector<UnitSpread>& unit_spread();
 
 /// A healthy unit: the nominal one with every parameter spread (README, table of parameters). Pure function of the
 /// seed.

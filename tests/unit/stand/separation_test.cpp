@@ -29,6 +29,11 @@ TEST(Stand, SharesNothingWithTheProduct) {
             std::vector<std::string>{});
 }
 
+TEST(HiddenEffects, AreMeasuredWithoutTheProduct) {
+  EXPECT_EQ(includes_of("tests/hidden_effects", {"core/", "server/", "valvetriage_core", "valvetriage_server"}),
+            std::vector<std::string>{});
+}
+
 TEST(Stand, IsUnknownToTheProduct) {
   EXPECT_EQ(includes_of("core", {"tests/"}), std::vector<std::string>{});
   EXPECT_EQ(includes_of("server", {"tests/"}), std::vector<std::string>{});

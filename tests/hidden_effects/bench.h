@@ -1,0 +1,42 @@
+#pragma once
+
+#include <Eigen/Dense>
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "tests/stand/environment.h"
+#include "tests/stand/session.h"
+
+namespace valvetriage::hidden_effects {
+
+/// The noise-free twin runs of one valve on one day: the same commands, history and surroundings with other parameters
+/// and other faults.
+class TwinBench {
+ public:
+  explicit TwinBench(const stand::SessionOptions& options);
+
+  const stand::Unit& unit() const { return unit_; }
+  Eigen::Index samples() const { return begin_.back(); }
+  std::size_t recordings() const { return commands_.size(); }
+  Eigen::Index begin(std::size_t recording) const { return begin_[recording]; }
+  Eigen::Index size(std::size_t recording) const { return begin_[recording + 1] - begin_[recording]; }
+  const std::vector<stand::Command>& commands() const { return commands_; }
+  const stand::Environment& environment(std::size_t recording) const { return environments_[recording]; }
+
+  /// The faults that effects make, by recording.
+  std::vector<stand::Faults> faults(const std::vector<stand::EffectRequest>& effects) const;
+  /// Outputs [psi] of all recordings, one after the other.
+  Eigen::VectorXd output(const stand::Unit& unit, const std::vector<stand::Faults>& faults) const;
+  /// The same with another past before each recording.
+  Eigen::VectorXd output_after(int past) const;
+
+ private:
+  stand::SessionOptions options_;
+  stand::Unit unit_;
+  std::vector<stand::Command> commands_;
+  std::vector<stand::Environment> environments_;
+  std::vector<Eigen::Index> begin_;
+};
+
+}  // namespace valvetriage::hidden_effects

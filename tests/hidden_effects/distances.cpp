@@ -1,0 +1,316 @@
+#include "tests/hidden_effects/distances.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <optional>
+
+#include "tests/hidden_effects/output_rivals.h"
+
+namespace valvetriage::hidden_effects {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+using stand::EffectRequest;
+using stand::Faults;
+using stand::Unit;
+
+constexpr double kNoisePsi = 0.35;
+constexpr int kPasts = 3;
+constexpr std::size_t kRefined = 6;         // rivals of the screening that are fitted by twin runs
+constexpr double kExcludedAt = 2.45;        // ½ d² = 3: twenty to one
+constexpr double kSensitivityStep = 0.5;    // of a population standard deviation
+constexpr int kIterations = 5;
+
+std::vector<Faults> healthy(const TwinBench& bench) {
+  return std::vector<Faults>(bench.recordings());
+}
+
+/// Unit parameters moved by z population standard deviations; none below a twentieth of its value.
+Unit moved(const Unit& unit, const VectorXd& z) {
+  Unit result = unit;
+  const auto& spread = stand::unit_spread();
+  for (std::size_t j = 0; j < spread.size(); ++j) {
+    double& value = spread[j].of(result);
+    const double step = spread[j].sd * z[static_cast<Index>(j)];
+    value = spread[j].relative ? value * std::max(0.05, 1 + step) : value + step;
+  }
+  return result;
+}
+
+}  // namespace
+
+/// A valve on a day: its sensitivities and the orthogonal basis of what the baseline absorbs.
+struct DistanceMeter::Day {
+  explicit Day(const stand::SessionOptions& options);
+
+  Index parameters() const { return static_cast<Index>(stand::unit_spread().size()); }
+  /// [(y − f)/σ; −θ] and [column/σ; 0]
+  VectorXd stacked(const VectorXd& error_psi, const VectorXd& theta) const {
+    VectorXd rho(error_psi.size() + theta.size());
+    rho << error_psi / kNoisePsi, -theta;
+    return rho;
+  }
+  VectorXd stacked(const VectorXd& column_psi) const { return stacked(column_psi, VectorXd::Zero(absorbed.cols())); }
+  VectorXd off_baseline(const VectorXd& rho) const { return rho - basis * (basis.transpose() * rho); }
+
+  std::uint64_t unit_seed, noise_seed;
+  TwinBench bench;
+  VectorXd output;    ///< of the healthy twin [psi]
+  MatrixXd absorbed;  ///< [psi] per population standard deviation, then the pasts
+  MatrixXd basis;     ///< of [absorbed/σ; I]
+  MatrixXd triangle;  ///< [absorbed/σ; I] = basis · triangle
+};
+
+DistanceMeter::Day::Day(const stand::SessionOptions& options)
+    : unit_seed(options.unit_seed),
+      noise_seed(options.noise_seed),
+      bench(options),
+      output(bench.output(bench.unit(), healthy(bench))) {
+  const auto pasts = static_cast<Index>(kPasts * bench.recordings());
+  absorbed = MatrixXd::Zero(bench.samples(), parameters() + pasts);
+  for (Index j = 0; j < parameters(); ++j) {
+    const VectorXd step = kSensitivityStep * VectorXd::Unit(parameters(), j);
+    absorbed.col(j) = (bench.output(moved(bench.unit(), step), healthy(bench)) - output) / kSensitivityStep;
+  }
+  for (int past = 0; past < kPasts; ++past) {
+    const VectorXd difference = (bench.output_after(past) - output) / std::sqrt(static_cast<double>(kPasts));
+    for (std::size_t i = 0; i < bench.recordings(); ++i)
+      absorbed.col(parameters() + past * static_cast<Index>(bench.recordings()) + static_cast<Index>(i))
+          .segment(bench.begin(i), bench.size(i)) = difference.segment(bench.begin(i), bench.size(i));
+  }
+  MatrixXd stack(absorbed.rows() + absorbed.cols(), absorbed.cols());
+  stack << absorbed / kNoisePsi, MatrixXd::Identity(absorbed.cols(), absorbed.cols());
+  const Eigen::HouseholderQR<MatrixXd> qr(stack);
+  basis = qr.householderQ() * MatrixXd::Identity(stack.rows(), stack.cols());
+  triangle = qr.matrixQR().topRows(stack.cols()).triangularView<Eigen::Upper>();
+}
+
+namespace {
+
+/// What a fit may change beside the baseline: the numbers of a rival, the size of the other member of a pair.
+struct FreeNumbers {
+  const Rival* rival = nullptr;
+  std::optional<EffectRequest> partner;
+
+  Index count() const { return static_cast<Index>((rival ? rival->axes.size() : 0) + (partner ? 1 : 0)); }
+};
+
+/// Where a fit stands: coordinates of the free numbers, deviations of the baseline, and the stacked error.
+struct Fit {
+  VectorXd numbers, theta, rho;
+  double squared() const { return rho.squaredNorm(); }
+};
+
+template <class Day>
+class Fitter {
+ public:
+  Fitter(const Day& day, const VectorXd& observed, FreeNumbers free)
+      : day_(day), observed_(observed), free_(std::move(free)) {}
+
+  Fit at(const VectorXd& numbers, const VectorXd& theta) const {
+    const VectorXd error = observed_ - simulated(numbers, theta);
+    return {numbers, theta, day_.stacked(error, theta)};
+  }
+
+  /// Gauss-Newton from `numbers`; every accepted step lowers the error.
+  Fit refined(const VectorXd& numbers, const VectorXd& theta) const {
+    Fit best = at(numbers, theta);
+    for (int iteration = 0; iteration < kIterations; ++iteration) {
+      const auto next = improved(best);
+      if (!next) break;
+      const bool settled = next->squared() > 0.98 * best.squared() && best.squared() - next->squared() < 0.5;
+      best = *next;
+      if (settled) break;
+    }
+    return best;
+  }
+
+ private:
+  std::vector<double> values(const VectorXd& numbers) const {
+    std::vector<double> result;
+    for (std::size_t i = 0; i < free_.rival->axes.size(); ++i)
+      result.push_back(free_.rival->axes[i].value(numbers[static_cast<Index>(i)]));
+    return result;
+  }
+
+  VectorXd simulated(const VectorXd& numbers, const VectorXd& theta) const {
+    const TwinBench& bench = day_.bench;
+    std::vector<Faults> faults = healthy(bench);
+    if (free_.partner)
+      faults = bench.faults({{free_.partner->effect, free_.partner->size * std::exp(numbers[numbers.size() - 1])}});
+    const Unit unit = moved(bench.unit(), theta.head(day_.parameters()));
+    if (free_.rival)
+      for (Faults& one : faults) free_.rival->apply(values(numbers), unit, one);
+    const Index pasts = theta.size() - day_.parameters();
+    return bench.output(unit, faults) + day_.absorbed.rightCols(pasts) * theta.tail(pasts);
+  }
+
+  double step_of(Index number) const {
+    if (!free_.rival || number >= static_cast<Index>(free_.rival->axes.size())) return 0.05;
+    const Axis& axis = free_.rival->axes[static_cast<std::size_t>(number)];
+    return axis.logarithmic ? 0.08 : 0.02 * (axis.high - axis.low);
+  }
+
+  std::optional<Fit> improved(const Fit& from) const {
+    const Index n = free_.count();
+    MatrixXd columns(from.rho.size(), n);
+    for (Index i = 0; i < n; ++i) {
+      const VectorXd there = at(from.numbers + step_of(i) * VectorXd::Unit(n, i), from.theta).rho;
+      columns.col(i) = (from.rho - there) / step_of(i);  // minus the derivative of the error
+    }
+    VectorXd step = VectorXd::Zero(n);
+    if (n > 0) {
+      MatrixXd reduced(columns.rows(), n);
+      for (Index i = 0; i < n; ++i) reduced.col(i) = day_.off_baseline(columns.col(i));
+      const VectorXd left = day_.off_baseline(from.rho);
+      MatrixXd normal = reduced.transpose() * reduced;
+      normal.diagonal().array() += 1e-9 + 1e-6 * normal.diagonal().array();
+      step = normal.ldlt().solve(reduced.transpose() * left);
+      for (Index i = 0; i < n; ++i) step[i] = std::clamp(step[i], -12 * step_of(i), 12 * step_of(i));
+    }
+    for (double share = 1; share > 0.2; share *= 0.5) {
+      const VectorXd rest = from.rho - share * (columns * step);
+      const VectorXd absorbed = share * day_.triangle.template triangularView<Eigen::Upper>().solve(
+                                            day_.basis.transpose() * rest);
+      Fit next = at(from.numbers + share * step, from.theta + absorbed);
+      if (next.squared() < from.squared()) return next;
+    }
+    return std::nullopt;
+  }
+
+  const Day& day_;
+  const VectorXd& observed_;
+  FreeNumbers free_;
+};
+
+/// A rival's start from the screening: the entry and scale that leave least.
+struct Start {
+  std::size_t rival;
+  std::vector<double> values;
+  double left;
+};
+
+template <class Day>
+std::vector<Start> screened(const Day& day, const ScreeningGrid& grid, const VectorXd& rho) {
+  const Index samples = day.bench.samples();
+  const VectorXd left = day.off_baseline(rho);
+  const Eigen::MatrixXf top = (day.basis.topRows(samples) / kNoisePsi).template cast<float>();
+  const Eigen::MatrixXf inside = top.transpose() * grid.signature;
+  const Eigen::VectorXf along =
+      grid.signature.transpose() * (left.head(samples) / kNoisePsi).template cast<float>();
+  std::vector<Start> best(simulated_rivals().size(), {0, {}, std::numeric_limits<double>::infinity()});
+  for (std::size_t e = 0; e < grid.entries.size(); ++e) {
+    const auto column = static_cast<Index>(e);
+    const double energy = grid.signature.col(column).squaredNorm() / (kNoisePsi * kNoisePsi) - inside.col(column).squaredNorm();
+    const double scale = std::clamp(along[column] / std::max(energy, 1e-12), 0.6, 1.7);
+    const double remains = left.squaredNorm() - 2 * scale * along[column] + scale * scale * energy;
+    const ScreeningGrid::Entry& entry = grid.entries[e];
+    if (remains < best[entry.rival].left) {
+      best[entry.rival] = {entry.rival, entry.values, remains};
+      const Axis& size = simulated_rivals()[entry.rival].axes[0];
+      if (size.logarithmic) best[entry.rival].values[0] *= scale;
+    }
+  }
+  std::sort(best.begin(), best.end(), [](const Start& a, const Start& b) { return a.left < b.left; });
+  return best;
+}
+
+VectorXd coordinates(const Start& start, bool partner) {
+  const Rival& rival = simulated_rivals()[start.rival];
+  VectorXd numbers = VectorXd::Zero(static_cast<Index>(rival.axes.size() + (partner ? 1 : 0)));
+  for (std::size_t i = 0; i < rival.axes.size(); ++i)
+    numbers[static_cast<Index>(i)] = rival.axes[i].coordinate(start.values[i]);
+  return numbers;
+}
+
+double root(double squared) {
+  return std::sqrt(std::max(squared, 0.0));
+}
+
+/// The distances of one hidden effect, the other member of a pair being present with its size free.
+template <class Day>
+Distances told_from_rivals(const Day& day, const ScreeningGrid& grid, const VectorXd& observed,
+                           const std::string& hidden, const std::optional<EffectRequest>& partner,
+                           const Wanted& wanted) {
+  const Fit base = Fitter<Day>(day, observed, {nullptr, partner})
+                       .refined(VectorXd::Zero(partner ? 1 : 0), VectorXd::Zero(day.absorbed.cols()));
+  Distances found{root(base.squared()), root(base.squared()), "none", 1};
+  if (found.d < wanted.smallest_d) return found;
+  const auto consider = [&](const std::string& cause, double left) {
+    if (left < kExcludedAt) ++found.oracle_set;
+    if (left < found.d_name) {
+      found.d_name = left;
+      found.rival = cause;
+    }
+  };
+  for (const OutputFit& fit : output_rivals(day.bench, day.output, day.off_baseline(base.rho), [&](const VectorXd& c) {
+         return day.off_baseline(day.stacked(c));
+       }))
+    if (fit.cause != hidden && !(partner && partner->effect == fit.cause)) consider(fit.cause, root(fit.left));
+  std::size_t refined = 0;
+  for (const Start& start : screened(day, grid, base.rho)) {
+    const Rival& rival = simulated_rivals()[start.rival];
+    if (rival.cause == hidden || (partner && partner->effect == rival.cause)) continue;
+    if (++refined > kRefined) break;
+    if (found.d_name < wanted.smallest_d_name) break;
+    if (refined == 4 && found.d_name > 3 * wanted.largest_d_name) break;
+    const Fit fit =
+        Fitter<Day>(day, observed, {&rival, partner}).refined(coordinates(start, partner.has_value()), base.theta);
+    consider(rival.cause, root(fit.squared()));
+  }
+  return found;
+}
+
+}  // namespace
+
+ScreeningGrid screening_grid(const std::vector<std::string>& tests) {
+  stand::SessionOptions options;
+  options.tests = tests;
+  options.noise_seed = 20261121;
+  const TwinBench bench(options);
+  const Unit nominal;
+  const VectorXd output = bench.output(nominal, healthy(bench));
+  ScreeningGrid grid;
+  for (std::size_t r = 0; r < simulated_rivals().size(); ++r) {
+    const Rival& rival = simulated_rivals()[r];
+    const std::vector<double> shapes = rival.axes.size() > 1 ? rival.axes[1].starts : std::vector<double>{0};
+    for (const double size : rival.axes[0].starts)
+      for (const double shape : shapes)
+        grid.entries.push_back({r, rival.axes.size() > 1 ? std::vector<double>{size, shape} : std::vector<double>{size}});
+  }
+  grid.signature.resize(bench.samples(), static_cast<Index>(grid.entries.size()));
+  for (std::size_t e = 0; e < grid.entries.size(); ++e) {
+    std::vector<Faults> faults = healthy(bench);
+    for (Faults& one : faults) simulated_rivals()[grid.entries[e].rival].apply(grid.entries[e].values, nominal, one);
+    grid.signature.col(static_cast<Index>(e)) = (bench.output(nominal, faults) - output).cast<float>();
+  }
+  return grid;
+}
+
+DistanceMeter::DistanceMeter(const std::vector<std::string>& tests) : tests_(tests), grid_(screening_grid(tests)) {}
+
+Distances DistanceMeter::measure(const stand::SessionOptions& options, const Wanted& wanted) {
+  if (!day_ || day_->unit_seed != options.unit_seed || day_->noise_seed != options.noise_seed)
+    day_ = std::make_shared<const Day>(options);
+  const VectorXd observed = day_->bench.output(day_->bench.unit(), day_->bench.faults(options.effects));
+  if (options.effects.size() == 1)
+    return told_from_rivals(*day_, grid_, observed, options.effects[0].effect, std::nullopt, wanted);
+  const Fit together = Fitter<Day>(*day_, observed, {})
+                           .refined(VectorXd::Zero(0), VectorXd::Zero(day_->absorbed.cols()));
+  Distances worst;
+  worst.d_name = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < 2; ++i) {
+    const Distances one =
+        told_from_rivals(*day_, grid_, observed, options.effects[i].effect, options.effects[1 - i], wanted);
+    if (one.d_name < worst.d_name) worst = one;
+    if (worst.d_name < wanted.smallest_d_name) break;
+  }
+  worst.d = root(together.squared());
+  return worst;
+}
+
+}  // namespace valvetriage::hidden_effects

@@ -1,0 +1,64 @@
+#include <cstdio>
+#include <exception>
+#include <iostream>
+#include <map>
+#include <memory>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+
+#include "tests/hidden_effects/distances.h"
+
+namespace valvetriage::hidden_effects {
+namespace {
+
+stand::SessionOptions case_of(std::istringstream& words) {
+  stand::SessionOptions options;
+  std::string tests, effects;
+  if (!(words >> tests >> options.unit_seed >> options.noise_seed >> effects))
+    throw std::invalid_argument("a line is: KIND TESTS UNIT_SEED NOISE_SEED NAME=SIZE[,NAME=SIZE]");
+  options.tests = tests == "full" ? stand::full_session() : std::vector<std::string>{tests};
+  std::istringstream list(effects);
+  for (std::string one; std::getline(list, one, ',');) {
+    const std::size_t equals = one.find('=');
+    if (equals == std::string::npos) throw std::invalid_argument("'" + one + "' is not NAME=SIZE");
+    options.effects.push_back({one.substr(0, equals), std::stod(one.substr(equals + 1))});
+  }
+  if (options.effects.size() > 2) throw std::invalid_argument("distances are of one effect or of two");
+  return options;
+}
+
+Wanted wanted_for(const std::string& kind) {
+  if (kind == "single" || kind == "pair") return {8, 8, 1e9};
+  if (kind == "close") return {6, 0, 4};
+  if (kind == "step_up" || kind == "outside") return {6, 0, 1e9};
+  return {};
+}
+
+void answer(const std::string& line, std::map<std::string, std::unique_ptr<DistanceMeter>>& meters) {
+  std::istringstream words(line);
+  std::string kind;
+  words >> kind;
+  const stand::SessionOptions options = case_of(words);
+  auto& meter = meters[options.tests.front()];
+  if (!meter) meter = std::make_unique<DistanceMeter>(options.tests);
+  const Distances found = meter->measure(options, wanted_for(kind));
+  std::printf("%.6g %.6g %g %s\n", found.d, found.d_name, found.oracle_set, found.rival.c_str());
+  std::fflush(stdout);
+}
+
+}  // namespace
+}  // namespace valvetriage::hidden_effects
+
+/// Reads a case per line from standard input and answers `d d_name oracle_set rival`. KIND is the class that the case is
+/// to belong to (a case that does not is left early), or `any`.
+int main() {
+  try {
+    std::map<std::string, std::unique_ptr<valvetriage::hidden_effects::DistanceMeter>> meters;
+    for (std::string line; std::getline(std::cin, line);) valvetriage::hidden_effects::answer(line, meters);
+    return 0;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "valvetriage_distances: %s\n", error.what());
+    return 1;
+  }
+}
