@@ -1,0 +1,636 @@
+#include "core/identify/rational_fit.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <numeric>
+
+#include "core/model/polynomial.h"
+
+namespace valvetriage {
+namespace {
+
+using Complex = std::complex<double>;
+using Eigen::Index;
+
+constexpr double kTwoPi = 2 * std::numbers::pi;
+constexpr double kRelativeFloor = 1e-4;    // no stand's gain is known better than that
+constexpr double kFewImagesBelow = 0.15;   // of the sampling rate: there the images are a few percent
+constexpr int kFewImages = 2, kManyImages = 8;
+constexpr double kPoleReach = 100;         // poles lie within this factor of the band
+constexpr double kLeastDamping = 1e-4;
+constexpr double kLargestStep = 1.0;       // e-folds of a pole's coefficient in one iteration
+constexpr double kConverged = 1e-8;        // relative change of the misfit
+constexpr int kScreenIterations = 8;       // after which one start is enough to tell
+constexpr std::array<double, 5> kDelayShares{0, 0.2, 0.4, 0.6, 0.9};  // of all the phase
+constexpr int kVectorFittingIterations = 6;
+constexpr std::array<double, 4> kDelayMoves{-0.1, 0.05, 0.1, 0.2};
+constexpr std::size_t kScreened = 4;       // starts that are refined before the best is taken
+constexpr int kRounds = 4;                 // of ways out of a local minimum
+constexpr double kWorthARound = 1e-4;      // of the misfit
+constexpr std::array<double, 5> kSpreadShares{0.1, 0.3, 0.5, 0.7, 0.9};  // of the band, logarithmic
+
+/// s² + a1 s + a0 with a1 = e^log_a1, a0 = e^log_a0; or s + a0 where `single`.
+struct Section {
+  double log_a1 = 0, log_a0 = 0;
+  bool single = false;
+};
+
+/// A point of the search, in scaled frequency and gain.
+struct Candidate {
+  std::vector<Section> sections;
+  Eigen::VectorXd numerator;
+  double delay = 0;
+  double cost = std::numeric_limits<double>::infinity();
+  int iterations = 0;
+  Termination termination = Termination::kIterationLimit;
+};
+
+int images_for(const FrequencyResponse& response) {
+  if (!(response.sample_period_s > 0)) return 0;
+  return response.points.back().frequency_hz * response.sample_period_s < kFewImagesBelow ? kFewImages : kManyImages;
+}
+
+/// A frequency at which the model is read, and how it weighs in its point: the point itself, or an image.
+struct Reading {
+  Complex s;
+  Complex weight;
+};
+
+/// The delay that would make all of the phase.
+double phase_delay_s(const FrequencyResponse& response) {
+  const auto phase_deg = unwrapped_phase_deg(response.points);
+  const double drop = (phase_deg.front() - phase_deg.back()) * std::numbers::pi / 180;
+  return std::max(0.0, drop / (kTwoPi * (response.points.back().frequency_hz - response.points.front().frequency_hz)));
+}
+
+/// The least-squares problem: scaled so that the band's middle and the gain's size are 1.
+class Problem {
+ public:
+  Problem(const FrequencyResponse& response, const RationalFitOptions& options) : options_(options) {
+    const auto& points = response.points;
+    omega_scale_ = kTwoPi * std::sqrt(points.front().frequency_hz * points.back().frequency_hz);
+    double sum = 0;
+    for (const ResponsePoint& p : points) sum += std::norm(p.gain);
+    gain_scale_ = std::sqrt(sum / static_cast<double>(points.size()));
+    lowest_ = kTwoPi * points.front().frequency_hz / omega_scale_;
+    highest_ = kTwoPi * points.back().frequency_hz / omega_scale_;
+    phase_delay_ = phase_delay_s(response) * omega_scale_;
+    const int images = images_for(response);
+    readings_per_point_ = 2 * images + 1;
+    for (const ResponsePoint& p : points) {
+      const double floor = kRelativeFloor * std::abs(p.gain);
+      const double sigma = std::hypot(p.std_error, floor) / gain_scale_;
+      weight_.push_back(std::numbers::sqrt2 / sigma);
+      target_.push_back(p.gain / gain_scale_);
+      const Complex own = images > 0 ? hold_factor(response.hold, p.frequency_hz, response.sample_period_s) : 1;
+      for (int l = -images; l <= images; ++l) {
+        const double f = images > 0 ? p.frequency_hz + l / response.sample_period_s : p.frequency_hz;
+        const Complex factor = images > 0 ? hold_factor(response.hold, f, response.sample_period_s) / own : 1;
+        readings_.push_back({Complex(0, kTwoPi * f / omega_scale_), factor});
+      }
+    }
+    for (int j = 0; j < options.zeros; ++j) {
+      const double share = (j + 0.5) / options.zeros;
+      corners_.push_back(lowest_ * std::pow(highest_ / lowest_, share));
+    }
+  }
+
+  double omega_scale() const { return omega_scale_; }
+  double gain_scale() const { return gain_scale_; }
+  std::size_t points() const { return target_.size(); }
+  double lowest() const { return lowest_; }
+  double highest() const { return highest_; }
+  double phase_delay() const { return phase_delay_; }
+  const std::vector<double>& corners() const { return corners_; }
+  Index parameters(const Candidate& c) const {
+    return pole_parameters(c) + static_cast<Index>(c.numerator.size()) + (options_.fit_delay ? 1 : 0);
+  }
+  static Index pole_parameters(const Candidate& c) {
+    Index n = 0;
+    for (const Section& section : c.sections) n += section.single ? 1 : 2;
+    return n;
+  }
+
+  /// Values of the numerator's basis.
+  void basis(Complex s, Eigen::RowVectorXcd& values) const {
+    values(0) = 1;
+    for (std::size_t j = 0; j < corners_.size(); ++j) {
+      values(static_cast<Index>(j) + 1) = values(static_cast<Index>(j)) * (s / corners_[j] + 1.0);
+    }
+  }
+
+  /// The numerator by linear least squares, everything else given.
+  void solve_numerator(Candidate& c) const {
+    const auto n = static_cast<Index>(points());
+    const Index terms = options_.zeros + 1;
+    Eigen::MatrixXd rows(2 * n, terms);
+    Eigen::VectorXd right(2 * n);
+    Eigen::RowVectorXcd values(terms), row(terms);
+    for (Index k = 0; k < n; ++k) {
+      row.setZero();
+      for (const Reading& reading : readings_at(k)) {
+        basis(reading.s, values);
+        row += values * (reading.weight * std::exp(-reading.s * c.delay) / denominator(c, reading.s));
+      }
+      const auto at = static_cast<std::size_t>(k);
+      rows.row(2 * k) = weight_[at] * row.real();
+      rows.row(2 * k + 1) = weight_[at] * row.imag();
+      right(2 * k) = weight_[at] * target_[at].real();
+      right(2 * k + 1) = weight_[at] * target_[at].imag();
+    }
+    const Eigen::RowVectorXd norms = rows.colwise().norm().cwiseMax(1e-300);
+    const Eigen::MatrixXd scaled = rows * norms.cwiseInverse().asDiagonal();
+    c.numerator = scaled.colPivHouseholderQr().solve(right).cwiseQuotient(norms.transpose());
+    c.cost = (right - rows * c.numerator).squaredNorm();
+  }
+
+  /// Weighted residual H − G as real rows, and its negative derivative where wanted.
+  double residual(const Candidate& c, Eigen::VectorXd& e, Eigen::MatrixXd* jacobian) const {
+    const auto n = static_cast<Index>(points());
+    e.resize(2 * n);
+    if (jacobian) jacobian->resize(2 * n, parameters(c));
+    const auto terms = static_cast<Index>(c.numerator.size());
+    const Index poles = pole_parameters(c);
+    Eigen::RowVectorXcd values(terms), row(parameters(c));
+    for (Index k = 0; k < n; ++k) {
+      const auto at = static_cast<std::size_t>(k);
+      Complex model = 0;
+      row.setZero();
+      for (const Reading& reading : readings_at(k)) {
+        basis(reading.s, values);
+        const Complex carrier = reading.weight * std::exp(-reading.s * c.delay) / denominator(c, reading.s);
+        const Complex g = carrier * (values * c.numerator.cast<Complex>())(0);
+        model += g;
+        if (!jacobian) continue;
+        Index column = 0;
+        for (const Section& section : c.sections) {
+          const double a0 = std::exp(section.log_a0);
+          if (section.single) {
+            row(column++) -= g * a0 / (reading.s + a0);
+            continue;
+          }
+          const double a1 = std::exp(section.log_a1);
+          const Complex d = reading.s * reading.s + a1 * reading.s + a0;
+          row(column++) -= g * a1 * reading.s / d;
+          row(column++) -= g * a0 / d;
+        }
+        row.segment(poles, terms) += carrier * values;
+        if (options_.fit_delay) row(poles + terms) -= reading.s * g;
+      }
+      const Complex gap = target_[at] - model;
+      e(2 * k) = weight_[at] * gap.real();
+      e(2 * k + 1) = weight_[at] * gap.imag();
+      if (!jacobian) continue;
+      jacobian->row(2 * k) = weight_[at] * row.real();
+      jacobian->row(2 * k + 1) = weight_[at] * row.imag();
+    }
+    return e.squaredNorm();
+  }
+
+  Candidate moved(const Candidate& c, const Eigen::VectorXd& step) const {
+    Candidate next = c;
+    Index column = 0;
+    const double least = std::log(lowest_ / kPoleReach), most = std::log(highest_ * kPoleReach);
+    for (Section& section : next.sections) {
+      if (!section.single) section.log_a1 += std::clamp(step(column++), -kLargestStep, kLargestStep);
+      section.log_a0 += std::clamp(step(column++), -kLargestStep, kLargestStep);
+      const double power = section.single ? 1 : 2;
+      section.log_a0 = std::clamp(section.log_a0, power * least, power * most);
+      if (section.single) continue;
+      section.log_a1 = std::clamp(section.log_a1, std::log(2 * kLeastDamping) + 0.5 * section.log_a0, most);
+    }
+    next.numerator += step.segment(column, c.numerator.size());
+    column += c.numerator.size();
+    if (options_.fit_delay) next.delay = std::max(0.0, next.delay + step(column));
+    return next;
+  }
+
+  static Complex denominator(const Candidate& c, Complex s) {
+    Complex d = 1;
+    for (const Section& section : c.sections) {
+      const double a0 = std::exp(section.log_a0);
+      d *= section.single ? s + a0 : s * s + std::exp(section.log_a1) * s + a0;
+    }
+    return d;
+  }
+
+  double weight(std::size_t point) const { return weight_[point]; }
+
+ private:
+  std::span<const Reading> readings_at(Index point) const {
+    const auto per = static_cast<std::size_t>(readings_per_point_);
+    return std::span(readings_).subspan(static_cast<std::size_t>(point) * per, per);
+  }
+
+  RationalFitOptions options_;
+  double omega_scale_ = 1, gain_scale_ = 1, lowest_ = 1, highest_ = 1, phase_delay_ = 0;
+  int readings_per_point_ = 1;
+  std::vector<double> weight_, corners_;
+  std::vector<Complex> target_;
+  std::vector<Reading> readings_;
+};
+
+/// Poles as sections: pairs as they are, real ones two by two, the fastest alone where their number is odd. Filled up
+/// beyond the band or without the fastest where the number differs.
+std::vector<Section> sections_from(std::vector<Complex> poles, int order, const Problem& problem) {
+  for (Complex& p : poles) p /= problem.omega_scale();
+  std::vector<double> real;
+  std::vector<Complex> pairs;
+  for (const Complex& p : poles) {
+    if (p.imag() > 0) pairs.push_back(p);
+    if (p.imag() == 0) real.push_back(std::clamp(-p.real(), problem.lowest() / 10, problem.highest() * 10));
+  }
+  const auto by_size = [](const Complex& a, const Complex& b) { return std::abs(a) < std::abs(b); };
+  std::sort(pairs.begin(), pairs.end(), by_size);
+  std::sort(real.begin(), real.end());
+  const auto count = [&] { return static_cast<int>(2 * pairs.size() + real.size()); };
+  while (count() > order && !real.empty()) real.pop_back();
+  while (count() > order) {
+    real.push_back(std::abs(pairs.back()));
+    pairs.pop_back();
+  }
+  for (double extra = 1.5 * problem.highest(); count() < order; extra *= 1.5) real.push_back(extra);
+  std::vector<Section> sections;
+  for (const Complex& p : pairs) sections.push_back({std::log(-2 * p.real()), std::log(std::norm(p)), false});
+  std::size_t i = 0;
+  for (; i + 1 < real.size(); i += 2) {
+    sections.push_back({std::log(real[i] + real[i + 1]), std::log(real[i] * real[i + 1]), false});
+  }
+  if (i < real.size()) sections.push_back({0, std::log(real[i]), true});
+  return sections;
+}
+
+/// Levenberg-Marquardt with columns scaled to one length.
+void refine(const Problem& problem, Candidate& c, int iterations) {
+  Eigen::VectorXd e;
+  Eigen::MatrixXd jacobian;
+  double damping = 1e-3;
+  c.cost = problem.residual(c, e, &jacobian);
+  c.termination = Termination::kIterationLimit;
+  for (int iteration = 0; iteration < iterations; ++iteration, ++c.iterations) {
+    const Eigen::VectorXd norms = jacobian.colwise().norm().cwiseMax(1e-300);
+    const Eigen::MatrixXd scaled = jacobian * norms.cwiseInverse().asDiagonal();
+    const Eigen::MatrixXd normal = scaled.transpose() * scaled;
+    const Eigen::VectorXd gradient = scaled.transpose() * e;
+    bool descended = false;
+    double gain = 0;
+    for (int attempt = 0; attempt < 8 && !descended; ++attempt) {
+      Eigen::MatrixXd damped = normal;
+      damped.diagonal().array() += damping;
+      const Eigen::VectorXd step = damped.ldlt().solve(gradient).cwiseQuotient(norms);
+      Candidate next = problem.moved(c, step);
+      Eigen::VectorXd next_e;
+      next.cost = problem.residual(next, next_e, nullptr);
+      if (next.cost < c.cost) {
+        gain = (c.cost - next.cost) / c.cost;
+        next.iterations = c.iterations;
+        c = std::move(next);
+        damping = std::max(damping * 0.2, 1e-12);
+        descended = true;
+      } else {
+        damping *= 5;
+      }
+    }
+    if (!descended) {
+      c.termination = Termination::kNoDescent;
+      return;
+    }
+    c.termination = Termination::kIterationLimit;
+    if (gain < kConverged) {
+      c.termination = Termination::kConverged;
+      return;
+    }
+    problem.residual(c, e, &jacobian);
+  }
+}
+
+Candidate candidate_at(const Problem& problem, const std::vector<Complex>& poles, double delay_s, int order) {
+  Candidate c;
+  c.sections = sections_from(poles, order, problem);
+  c.delay = delay_s * problem.omega_scale();
+  problem.solve_numerator(c);
+  return c;
+}
+
+std::vector<Candidate> starts_of(const FrequencyResponse& response, const Problem& problem,
+                                 const RationalFitOptions& options) {
+  std::vector<Candidate> starts;
+  for (const TransferFunction& g : options.starts) {
+    starts.push_back(candidate_at(problem, g.poles, options.fit_delay ? g.delay_s : 0, options.order));
+  }
+  if (options.only_given_starts && !starts.empty()) return starts;
+  const double all_phase_s = options.fit_delay ? phase_delay_s(response) : 0;
+  for (const double share : kDelayShares) {
+    const double delay_s = share * all_phase_s;
+    if (share > 0 && all_phase_s == 0) break;
+    const auto poles = vector_fitting_poles(response.points, options.order, options.zeros == options.order, delay_s,
+                                            kVectorFittingIterations);
+    starts.push_back(candidate_at(problem, poles, delay_s, options.order));
+  }
+  return starts;
+}
+
+std::vector<Complex> poles_of(const Candidate& c) {
+  std::vector<Complex> poles;
+  for (const Section& section : c.sections) {
+    const double a0 = std::exp(section.log_a0);
+    if (section.single) {
+      poles.emplace_back(-a0);
+      continue;
+    }
+    const double a1 = std::exp(section.log_a1), inside = 0.25 * a1 * a1 - a0;
+    if (inside < 0) {
+      poles.emplace_back(-0.5 * a1, std::sqrt(-inside));
+      poles.emplace_back(-0.5 * a1, -std::sqrt(-inside));
+    } else {
+      const double larger = 0.5 * a1 + std::sqrt(inside);
+      poles.emplace_back(-larger);
+      poles.emplace_back(-a0 / larger);
+    }
+  }
+  return poles;
+}
+
+Polynomial numerator_of(const Problem& problem, const Candidate& c) {
+  const auto terms = static_cast<std::size_t>(c.numerator.size());
+  Polynomial sum(terms, 0), power{1};
+  for (std::size_t i = 0; i < terms; ++i) {
+    for (std::size_t j = 0; j < power.size(); ++j) {
+      sum[terms - power.size() + j] += static_cast<long double>(c.numerator(static_cast<Index>(i))) * power[j];
+    }
+    if (i + 1 == terms) break;
+    Polynomial next(power.size() + 1, 0);  // (s/ν + 1) times what there was
+    for (std::size_t j = 0; j < power.size(); ++j) {
+      next[j] += power[j] / problem.corners()[i];
+      next[j + 1] += power[j];
+    }
+    power = std::move(next);
+  }
+  return sum;
+}
+
+/// Pairs real poles with their nearest neighbours: two that met in different sections could not become a complex pair.
+std::vector<Section> paired(const std::vector<Section>& sections, const std::vector<Complex>& poles) {
+  std::vector<Section> result;
+  std::vector<double> real;
+  for (const Complex& p : poles) {
+    if (p.imag() == 0) real.push_back(-p.real());
+  }
+  for (const Section& section : sections) {
+    const bool complex = !section.single && 2 * section.log_a1 < section.log_a0 + std::log(4);
+    if (complex) result.push_back(section);
+  }
+  std::sort(real.begin(), real.end());
+  while (real.size() > 1) {
+    std::size_t nearest = 0;
+    for (std::size_t i = 1; i + 1 < real.size(); ++i) {
+      if (real[i + 1] / real[i] < real[nearest + 1] / real[nearest]) nearest = i;
+    }
+    const double sum = real[nearest] + real[nearest + 1], product = real[nearest] * real[nearest + 1];
+    result.push_back({std::log(sum), std::log(product), false});
+    const auto at = real.begin() + static_cast<std::ptrdiff_t>(nearest);
+    real.erase(at, at + 2);
+  }
+  if (!real.empty()) result.push_back({0, std::log(real.front()), true});
+  return result;
+}
+
+/// The section that matters least: without it, and the numerator fitted anew, the misfit grows least.
+std::size_t weakest_section(const Problem& problem, const Candidate& c) {
+  std::size_t weakest = 0;
+  double least = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < c.sections.size(); ++i) {
+    Candidate without = c;
+    without.sections.erase(without.sections.begin() + static_cast<std::ptrdiff_t>(i));
+    problem.solve_numerator(without);
+    if (without.cost < least) {
+      least = without.cost;
+      weakest = i;
+    }
+  }
+  return weakest;
+}
+
+/// Ways out of a local minimum: real poles paired anew; a right zero beyond the band read as the delay it imitates
+/// ((s − z)/(s + z) ≈ −e^(−2s/z)); the section that matters least tried elsewhere in the band.
+std::vector<Candidate> ways_out(const Problem& problem, const Candidate& c, bool fit_delay) {
+  std::vector<Candidate> ways;
+  const auto add = [&](Candidate way) {
+    problem.solve_numerator(way);
+    ways.push_back(std::move(way));
+  };
+  Candidate way = c;
+  way.sections = paired(c.sections, poles_of(c));
+  add(way);
+  const Polynomial numerator = numerator_of(problem, c);
+  if (fit_delay && numerator.size() > 1 && numerator.front() != 0) {
+    for (const Complex& z : roots(numerator)) {
+      if (z.imag() != 0 || !(z.real() > 0.5 * problem.highest())) continue;
+      way = c;
+      way.delay += 2 / z.real();
+      add(way);
+    }
+  }
+  for (const double share : kDelayMoves) {
+    if (!fit_delay || c.delay + share * problem.phase_delay() < 0) continue;
+    way = c;
+    way.delay += share * problem.phase_delay();
+    add(way);
+  }
+  const std::size_t weakest = weakest_section(problem, c);
+  for (const double share : kSpreadShares) {
+    const double omega = problem.lowest() * std::pow(problem.highest() / problem.lowest(), share);
+    way = c;
+    Section& section = way.sections[weakest];
+    section.log_a0 = (section.single ? 1 : 2) * std::log(omega);
+    section.log_a1 = std::log(omega);
+    add(way);
+  }
+  return ways;
+}
+
+Candidate best_of(const Problem& problem, std::vector<Candidate> starts, const RationalFitOptions& options) {
+  const auto lower = [](const Candidate& a, const Candidate& b) { return a.cost < b.cost; };
+  std::sort(starts.begin(), starts.end(), lower);
+  starts.resize(std::min(starts.size(), kScreened));
+  for (Candidate& start : starts) refine(problem, start, std::min(kScreenIterations, options.max_iterations));
+  Candidate best = *std::min_element(starts.begin(), starts.end(), lower);
+  refine(problem, best, options.max_iterations);
+  if (options.only_given_starts) return best;
+  for (int round = 0; round < kRounds; ++round) {
+    std::vector<Candidate> ways = ways_out(problem, best, options.fit_delay);
+    std::sort(ways.begin(), ways.end(), lower);
+    ways.resize(std::min(ways.size(), kScreened));
+    for (Candidate& way : ways) refine(problem, way, kScreenIterations);
+    Candidate& way = *std::min_element(ways.begin(), ways.end(), lower);
+    refine(problem, way, options.max_iterations);
+    if (!(way.cost < (1 - kWorthARound) * best.cost)) return best;
+    best = way;
+  }
+  return best;
+}
+
+/// Covariance of the parameters, scaled by the misfit where it is above what the noise explains.
+Eigen::MatrixXd covariance_of(const Eigen::MatrixXd& jacobian, double misfit_per_freedom) {
+  const Eigen::VectorXd norms = jacobian.colwise().norm().cwiseMax(1e-300);
+  const Eigen::MatrixXd scaled = jacobian * norms.cwiseInverse().asDiagonal();
+  const Eigen::MatrixXd inverse = (scaled.transpose() * scaled).completeOrthogonalDecomposition().pseudoInverse();
+  const Eigen::VectorXd back = norms.cwiseInverse();
+  return std::max(1.0, misfit_per_freedom) * (back.asDiagonal() * inverse * back.asDiagonal());
+}
+
+double spread(const Eigen::RowVectorXcd& gradient, const Eigen::MatrixXd& covariance) {
+  return std::sqrt(std::max(0.0, (gradient * covariance * gradient.adjoint())(0).real()));
+}
+
+/// δp = −(p δa1 + δa0) / (2p + a1), and δp = −δa0 of a single one.
+void add_pole_errors(const Candidate& c, const Eigen::MatrixXd& covariance, double omega_scale, RationalFit& fit) {
+  const auto poles = poles_of(c);
+  std::size_t at = 0;
+  Index column = 0;
+  for (const Section& section : c.sections) {
+    const double a0 = std::exp(section.log_a0), a1 = std::exp(section.log_a1);
+    for (int root = 0; root < (section.single ? 1 : 2); ++root, ++at) {
+      Eigen::RowVectorXcd gradient = Eigen::RowVectorXcd::Zero(covariance.cols());
+      if (section.single) {
+        gradient(column) = -a0;
+      } else {
+        const Complex slope = 2.0 * poles[at] + a1;
+        gradient(column) = -poles[at] * a1 / slope;
+        gradient(column + 1) = -a0 / slope;
+      }
+      const double error = spread(gradient, covariance) * omega_scale;
+      fit.pole_std_errors.push_back(std::isfinite(error) ? error : std::numeric_limits<double>::infinity());
+    }
+    column += section.single ? 1 : 2;
+  }
+}
+
+/// δz = −Σ N_i(z) δc_i / N'(z).
+void add_zero_errors(const Problem& problem, const Candidate& c, const std::vector<Complex>& zeros,
+                     const Polynomial& numerator, const Eigen::MatrixXd& covariance, RationalFit& fit) {
+  const Index first = Problem::pole_parameters(c);
+  Eigen::RowVectorXcd values(c.numerator.size());
+  for (const Complex& z : zeros) {
+    Complex slope = 0;
+    const std::size_t degree = numerator.size() - 1;
+    for (std::size_t j = 0; j < degree; ++j) {
+      slope = slope * z + static_cast<double>(numerator[j] * static_cast<long double>(degree - j));
+    }
+    problem.basis(z, values);
+    Eigen::RowVectorXcd gradient = Eigen::RowVectorXcd::Zero(covariance.cols());
+    gradient.segment(first, values.size()) = -values / slope;
+    const double error = spread(gradient, covariance) * problem.omega_scale();
+    fit.zero_std_errors.push_back(std::isfinite(error) ? error : std::numeric_limits<double>::infinity());
+  }
+}
+
+void add_static_gain(const Problem& problem, const Candidate& c, const Eigen::MatrixXd& covariance, RationalFit& fit) {
+  const double denominator = Problem::denominator(c, 0).real();
+  const double gain = c.numerator.sum() / denominator;  // every N_i is 1 at s = 0
+  Eigen::RowVectorXcd gradient = Eigen::RowVectorXcd::Zero(covariance.cols());
+  Index column = 0;
+  for (const Section& section : c.sections) {
+    if (!section.single) ++column;
+    gradient(column++) = -gain;  // d ln a0
+  }
+  gradient.segment(column, c.numerator.size()).setConstant(1 / denominator);
+  fit.static_gain = gain * problem.gain_scale();
+  fit.static_gain_std_error = spread(gradient, covariance) * problem.gain_scale();
+}
+
+RationalFit describe(const Problem& problem, const Candidate& c, bool fit_delay) {
+  RationalFit fit;
+  Eigen::VectorXd e;
+  Eigen::MatrixXd jacobian;
+  fit.chi_square = problem.residual(c, e, &jacobian);
+  fit.parameters = static_cast<int>(jacobian.cols());
+  fit.misfit_per_freedom = fit.chi_square / static_cast<double>(jacobian.rows() - jacobian.cols());
+  fit.iterations = c.iterations;
+  fit.termination = c.termination;
+  const Eigen::MatrixXd covariance = covariance_of(jacobian, fit.misfit_per_freedom);
+  const double omega = problem.omega_scale();
+
+  TransferFunction& g = fit.transfer_function;
+  g.domain = Domain::kS;
+  g.poles = poles_of(c);
+  Polynomial numerator = numerator_of(problem, c);
+  while (numerator.size() > 1 && numerator.front() == 0) numerator.erase(numerator.begin());
+  g.zeros = numerator.size() > 1 ? roots(numerator) : std::vector<Complex>{};
+  const auto excess = static_cast<double>(g.poles.size()) - static_cast<double>(g.zeros.size());
+  g.gain = static_cast<double>(numerator.front()) * problem.gain_scale() * std::pow(omega, excess);
+  g.delay_s = c.delay / omega;
+  add_zero_errors(problem, c, g.zeros, numerator, covariance, fit);
+  add_pole_errors(c, covariance, omega, fit);
+  add_static_gain(problem, c, covariance, fit);
+  for (Complex& z : g.zeros) z *= omega;
+  for (Complex& p : g.poles) p *= omega;
+  if (fit_delay) fit.delay_std_error_s = std::sqrt(covariance(covariance.rows() - 1, covariance.cols() - 1)) / omega;
+  for (std::size_t k = 0; k < problem.points(); ++k) {
+    const auto row = static_cast<Index>(2 * k);
+    const Eigen::MatrixXd both = jacobian.middleRows(row, 2);
+    const double variance = (both * covariance * both.transpose()).trace();
+    fit.response_std_error.push_back(std::sqrt(std::max(0.0, variance)) / problem.weight(k) * problem.gain_scale());
+  }
+  return fit;
+}
+
+Error bad(const char* field, int value, int least, int most) {
+  Error error{.code = "bad_option"};
+  error.field = field;
+  error.found = fmt::to_string(value);
+  error.expected = fmt::format("a whole number from {} to {}", least, most);
+  error.message = fmt::format("{} must be {}, not {}", field, error.expected, value);
+  return error;
+}
+
+Result<void> check(const FrequencyResponse& response, const RationalFitOptions& options) {
+  if (options.order < 1 || options.order > kMaxIdentifiedOrder) {
+    return tl::unexpected(bad("order", options.order, 1, kMaxIdentifiedOrder));
+  }
+  if (options.zeros < 0 || options.zeros > options.order) {
+    return tl::unexpected(bad("zeros", options.zeros, 0, options.order));
+  }
+  const int parameters = options.order + options.zeros + 1 + (options.fit_delay ? 1 : 0);
+  if (2 * response.points.size() < static_cast<std::size_t>(parameters) + 2) {
+    return fail("too_few_points", fmt::format("order {} with {} zeros has {} parameters; {} usable frequencies do not "
+                                              "support it",
+                                              options.order, options.zeros, parameters, response.points.size()));
+  }
+  return {};
+}
+
+}  // namespace
+
+Result<RationalFit> fit_rational(const FrequencyResponse& response, const RationalFitOptions& options) {
+  if (auto checked = check(response, options); !checked) return tl::unexpected(checked.error());
+  const Problem problem(response, options);
+  const Candidate best = best_of(problem, starts_of(response, problem, options), options);
+  return describe(problem, best, options.fit_delay);
+}
+
+std::vector<Complex> sampled_response(const TransferFunction& g, const FrequencyResponse& response) {
+  if (response.points.empty()) return {};
+  const int images = images_for(response);
+  std::vector<Complex> values;
+  for (const ResponsePoint& p : response.points) {
+    Complex sum = 0;
+    for (int l = -images; l <= images; ++l) {
+      const double f = images > 0 ? p.frequency_hz + l / response.sample_period_s : p.frequency_hz;
+      const Complex factor = images > 0 ? hold_factor(response.hold, f, response.sample_period_s) /
+                                              hold_factor(response.hold, p.frequency_hz, response.sample_period_s)
+                                        : 1;
+      sum += factor * frequency_response(g, std::span(&f, 1))[0];
+    }
+    values.push_back(sum);
+  }
+  return values;
+}
+
+}  // namespace valvetriage
