@@ -2,9 +2,9 @@
 //
 //   z ← min(max(z, x − W/2), x + W/2)                                                    the play operator
 //
-// Source     Krasnosel'skii and Pokrovskii, Systems with Hysteresis (1989); Nordin and Gutman, Automatica 38 (2002) 1633
-// Looks like a flat piece after every reversal, as wide at every rate; level differs by W up and down, no slip-jump
-// Confused   with friction (slips in jumps), hysteresis (rounded, scales with the way), dead_band (no memory)
+// Source     Krasnosel'skii and Pokrovskii, Systems with Hysteresis (1989); Nordin and Gutman, Automatica 38 (2002)
+// 1633 Looks like a flat piece after every reversal, as wide at every rate; level differs by W up and down, no
+// slip-jump Confused   with friction (slips in jumps), hysteresis (rounded, scales with the way), dead_band (no memory)
 
 #include <algorithm>
 #include <array>
@@ -42,8 +42,9 @@ extern constinit const Mechanism kBacklash{
     .wrong = "lost motion: output holds while the input reverses through the play",
     .law = "z ← min(max(z, x − W/2), x + W/2)",
     .source = "Krasnosel'skii, Pokrovskii, Systems with Hysteresis (1989); Nordin, Gutman, Automatica 38 (2002) 1633",
-    .signature = "a flat piece of the same width after every reversal, at every rate; then the input is followed without "
-                 "a jump",
+    .signature =
+        "a flat piece of the same width after every reversal, at every rate; then the input is followed without "
+        "a jump",
     .confused_with = kConfusedWith,
     .place = Place::kInput,
     .parameters = kParameters,

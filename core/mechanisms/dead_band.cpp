@@ -4,8 +4,8 @@
 //
 // Source     Tao and Kokotović, Adaptive Control of Systems with Actuator and Sensor Nonlinearities (1996), dead zone;
 //            overlap of a spool's lands: Merritt, Hydraulic Control Systems (1967), chapter 5
-// Looks like a flat in the steady map at one level, the same up and down; everything beyond is shifted by half the width
-// Confused   with static_curve (bends everywhere), backlash and friction (a flat at every reversal)
+// Looks like a flat in the steady map at one level, the same up and down; everything beyond is shifted by half the
+// width Confused   with static_curve (bends everywhere), backlash and friction (a flat at every reversal)
 
 #include <array>
 
@@ -61,8 +61,9 @@ extern constinit const Mechanism kDeadBand{
     .origin = "valve",
     .wrong = "no response inside an input interval, no memory",
     .law = "x − w/2 above c + w/2, x + w/2 below c − w/2, c between",
-    .source = "Tao, Kokotović, Adaptive Control of Systems with Actuator and Sensor Nonlinearities (1996); Merritt, "
-              "Hydraulic Control Systems (1967), chapter 5",
+    .source =
+        "Tao, Kokotović, Adaptive Control of Systems with Actuator and Sensor Nonlinearities (1996); Merritt, "
+        "Hydraulic Control Systems (1967), chapter 5",
     .signature = "a flat in the steady map at one level, the same up and down; beyond it the map is shifted",
     .confused_with = kConfusedWith,
     .place = Place::kPosition,

@@ -2,10 +2,12 @@
 //
 //   held while |x − held| ≤ F_s;   else held ← x − sign(x − held) min(F_k, F_s)        forces as input equivalents
 //
-// Source     stick-slip limit of Coulomb friction with breakaway: Armstrong-Hélouvry, Dupont, Canudas de Wit, Automatica
-//            30 (1994) 1083; as a data-driven valve model: Choudhury, Thornhill, Shah, Control Eng. Practice 13 (2005) 641
-// Looks like stair-steps on slow ramps, a level that depends on the side it was reached from, small inputs without effect
-// Confused   with backlash (kinetic near breakaway is play), hysteresis (a smooth loop), dead_band (no memory)
+// Source     stick-slip limit of Coulomb friction with breakaway: Armstrong-Hélouvry, Dupont, Canudas de Wit,
+// Automatica
+//            30 (1994) 1083; as a data-driven valve model: Choudhury, Thornhill, Shah, Control Eng. Practice 13 (2005)
+//            641
+// Looks like stair-steps on slow ramps, a level that depends on the side it was reached from, small inputs without
+// effect Confused   with backlash (kinetic near breakaway is play), hysteresis (a smooth loop), dead_band (no memory)
 
 #include <algorithm>
 #include <array>
@@ -25,8 +27,8 @@ constexpr std::array<std::string_view, 3> kConfusedWith{"backlash", "hysteresis"
 
 MechanismBounds bounds(const MechanismScales& scales) {
   const double range = input_range(scales);
-  MechanismBounds bounds{.lower = {0, 0}, .upper = {0.5 * range, 0.5 * range}, .step = {2e-4 * range, 2e-4 * range},
-                         .starts = {}};
+  MechanismBounds bounds{
+      .lower = {0, 0}, .upper = {0.5 * range, 0.5 * range}, .step = {2e-4 * range, 2e-4 * range}, .starts = {}};
   for (const double breakaway : spread(0.003 * range, 0.12 * range, 4)) {
     bounds.starts.push_back({breakaway, 0.65 * breakaway});
   }
@@ -56,9 +58,11 @@ extern constinit const Mechanism kFriction{
     .origin = "valve",
     .wrong = "sticks until the force difference passes breakaway, then slips (stiction, Coulomb)",
     .law = "held while |x − held| ≤ F_s, else held ← x − sign(x − held) min(F_k, F_s)",
-    .source = "Armstrong-Hélouvry, Dupont, Canudas de Wit, Automatica 30 (1994) 1083; Choudhury, Thornhill, Shah, "
-              "Control Eng. Practice 13 (2005) 641",
-    .signature = "stair-steps on slow ramps; the level depends on the side it was reached from; small inputs do nothing",
+    .source =
+        "Armstrong-Hélouvry, Dupont, Canudas de Wit, Automatica 30 (1994) 1083; Choudhury, Thornhill, Shah, "
+        "Control Eng. Practice 13 (2005) 641",
+    .signature =
+        "stair-steps on slow ramps; the level depends on the side it was reached from; small inputs do nothing",
     .confused_with = kConfusedWith,
     .place = Place::kInput,
     .parameters = kParameters,

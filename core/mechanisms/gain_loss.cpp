@@ -31,23 +31,22 @@ void tangent(std::span<const double> parameters, const LawContext&, std::span<co
 
 }  // namespace
 
-extern constinit const Mechanism kGainLoss{
-    .order = 6,
-    .cause = "gain_loss",
-    .family = "static",
-    .origin = "either",
-    .wrong = "static gain scaled",
-    .law = "y ← ratio · y",
-    .source = "sensitivity error of a characteristic: ISO 10770-1",
-    .signature = "every level is off by the same share; timing is unchanged",
-    .confused_with = kConfusedWith,
-    .place = Place::kSteady,
-    .parameters = kParameters,
-    .size_parameter = 0,
-    .neutral = 1,
-    .bounds = bounds,
-    .apply = apply,
-    .tangent = tangent,
-    .reshape = nullptr};
+extern constinit const Mechanism kGainLoss{.order = 6,
+                                           .cause = "gain_loss",
+                                           .family = "static",
+                                           .origin = "either",
+                                           .wrong = "static gain scaled",
+                                           .law = "y ← ratio · y",
+                                           .source = "sensitivity error of a characteristic: ISO 10770-1",
+                                           .signature = "every level is off by the same share; timing is unchanged",
+                                           .confused_with = kConfusedWith,
+                                           .place = Place::kSteady,
+                                           .parameters = kParameters,
+                                           .size_parameter = 0,
+                                           .neutral = 1,
+                                           .bounds = bounds,
+                                           .apply = apply,
+                                           .tangent = tangent,
+                                           .reshape = nullptr};
 
 }  // namespace valvetriage

@@ -5,8 +5,8 @@
 // `recording` is its index in the session. The instant is best found by looking at the residual of each recording; the
 // starts are one per recording, in its middle.
 //
-// Source     change-point in a gain: Basseville and Nikiforov, Detection of Abrupt Changes (1993), chapter 2; loose contacts
-// Looks like a recording that is right up to an instant and off by one share of the level from there on
+// Source     change-point in a gain: Basseville and Nikiforov, Detection of Abrupt Changes (1993), chapter 2; loose
+// contacts Looks like a recording that is right up to an instant and off by one share of the level from there on
 // Confused   with thermal_drift (gradual), side_input, gain_loss (everywhere)
 
 #include <algorithm>
@@ -23,7 +23,7 @@ enum Parameter { kTime, kChange, kRecording };
 constexpr std::array<MechanismParameter, 3> kParameters{
     {{"time_s", "s", "instant of the change, from the start of the recording"},
      {"gain_change", "", "relative change of the output from there on"},
-     {"recording", "", "index of the recording in the session, from 0"}}};
+     {"recording", "", "index of the recording in the session, from 0", 0}}};
 constexpr std::array<std::string_view, 3> kConfusedWith{"thermal_drift", "gain_loss", "side_input"};
 constexpr std::size_t kMostStarts = 6;
 

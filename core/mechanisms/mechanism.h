@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <string_view>
 #include <vector>
@@ -29,6 +30,8 @@ struct MechanismParameter {
   std::string_view name;  ///< of the contract, with its unit where it has one: `breakaway_A`
   std::string_view unit;  ///< "A", "psi", "s", "Hz", "1/psi2", ... in valve units; "" where unitless
   std::string_view meaning;
+  /// Value where a document does not give one; NaN: it must.
+  double otherwise = std::numeric_limits<double>::quiet_NaN();
 };
 
 /// What the bounds of a parameter depend on: the recordings at hand.

@@ -4,7 +4,8 @@
 //
 // Its phase goes on inside a recording and means nothing between recordings: whoever fits several estimates sine and
 // cosine amplitude of each (the law is linear in A cos phase and A sin phase: the columns are the law at A = 1 with
-// phase 0 and π/2) and gives one of the phases to the model. Above a fifth of the sampling rate the tone may be an alias.
+// phase 0 and π/2) and gives one of the phases to the model. Above a fifth of the sampling rate the tone may be an
+// alias.
 //
 // Source     pump ripple, mains hum: Merritt, Hydraulic Control Systems (1967), chapter 4; line estimation: Rife and
 //            Boorstyn, IEEE Trans. Inf. Theory 20 (1974) 591
@@ -25,7 +26,7 @@ enum Parameter { kFrequency, kAmplitude, kPhase };
 constexpr std::array<MechanismParameter, 3> kParameters{
     {{"frequency_hz", "Hz", "of the tone as recorded"},
      {"amplitude_psi", "psi", "half of peak to peak"},
-     {"phase_rad", "rad", "of the sine at the start of the recording"}}};
+     {"phase_rad", "rad", "of the sine at the start of the recording", 0}}};
 constexpr std::array<std::string_view, 2> kConfusedWith{"self_oscillation", "resonance"};
 
 /// At least three periods in the longest recording; up to the Nyquist frequency.
@@ -59,7 +60,8 @@ extern constinit const Mechanism kPeriodicDisturbance{
     .origin = "stand",
     .wrong = "additive tone independent of the input (pump ripple, mains)",
     .law = "y ← y + A sin(2π f t + phase)",
-    .source = "Merritt, Hydraulic Control Systems (1967), chapter 4; Rife, Boorstyn, IEEE Trans. Inf. Theory 20 (1974) 591",
+    .source =
+        "Merritt, Hydraulic Control Systems (1967), chapter 4; Rife, Boorstyn, IEEE Trans. Inf. Theory 20 (1974) 591",
     .signature = "one line in the residual's spectrum, on holds, ramps and sweeps alike",
     .confused_with = kConfusedWith,
     .place = Place::kOutput,

@@ -2,7 +2,8 @@
 //
 //   |dx/dt| ≤ limit, x follows its input otherwise
 //
-// Source     flow- or voltage-limited actuators: Rundqwist, Rate Limiters with Phase Compensation, ICAS (1996); slew of a
+// Source     flow- or voltage-limited actuators: Rundqwist, Rate Limiters with Phase Compensation, ICAS (1996); slew of
+// a
 //            current driver
 // Looks like straight edges after large steps, none after small ones; large fast sweeps become triangles
 // Confused   with extra_lag (shape independent of size), transport_delay, asymmetric_response

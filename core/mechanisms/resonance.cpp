@@ -2,7 +2,8 @@
 //
 //   ÿ = ω² (y_in − y) − 2 ζ ω ẏ,   ω = 2π f,   exact for straight lines between samples, from steady state
 //
-// Source     fluid inertia in a line before a compliant gauge, a mounting that gives: Merritt, Hydraulic Control Systems
+// Source     fluid inertia in a line before a compliant gauge, a mounting that gives: Merritt, Hydraulic Control
+// Systems
 //            (1967), chapter 3; discretisation: Franklin, Powell, Workman, Digital Control (1998), ramp-invariant
 // Looks like ringing of one frequency after every edge, a peak in the frequency response, none on holds
 // Confused   with periodic_disturbance (goes on for ever), self_oscillation (at one level), extra_lag

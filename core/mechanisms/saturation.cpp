@@ -23,17 +23,16 @@ enum Parameter { kLevel, kLowerLevel };
 
 constexpr std::array<MechanismParameter, 2> kParameters{
     {{"level_psi", "psi", "the output does not go above it"},
-     {"lower_level_psi", "psi", "the output does not go below it; below every output, or minus infinity: there is none"}}};
+     {"lower_level_psi", "psi", "the output does not go below it; below every output, or minus infinity: there is none",
+      -std::numeric_limits<double>::infinity()}}};
 constexpr std::array<std::string_view, 3> kConfusedWith{"static_curve", "gain_loss", "dead_band"};
 constexpr double kKneeShare = 1e-3;  // of the output's range: a fifth of a psi, below the noise of any gauge
 
 MechanismBounds bounds(const MechanismScales& scales) {
   const double low = scales.output_low, high = scales.output_high, range = high - low;
   const double none = low - 0.5 * range;
-  MechanismBounds bounds{.lower = {low, none},
-                         .upper = {high + 0.05 * range, high},
-                         .step = {1e-4 * range, 1e-4 * range},
-                         .starts = {}};
+  MechanismBounds bounds{
+      .lower = {low, none}, .upper = {high + 0.05 * range, high}, .step = {1e-4 * range, 1e-4 * range}, .starts = {}};
   if (!(range > 0)) return bounds;
   for (const double below : {0.01, 0.08, 0.3}) bounds.starts.push_back({high - below * range, none});
   for (const double inside : {0.03, 0.2}) bounds.starts.push_back({high - inside * range, low + inside * range});

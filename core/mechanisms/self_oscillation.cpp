@@ -2,10 +2,10 @@
 //
 //   y ← y + A r cos φ,   dr/dt = g r (D − r²),   D = max(1 − ((y − L) / w)², −1),   dφ/dt = 2π f (1 + s (y − L) / R)
 //
-// The normal form of a Hopf bifurcation: inside L ± w the cycle grows to √D at the rate g, outside it dies out. While it
-// is dead (r = 1/1000) its phase waits at `phase_rad`, so the phase counts from the instant at which the level is
-// entered, not from the start of the recording. Linear in (A cos phase, A sin phase): the columns of both are the law at
-// A = 1, once with phase 0 and once with phase −π/2.
+// The normal form of a Hopf bifurcation: inside L ± w the cycle grows to √D at the rate g, outside it dies out. While
+// it is dead (r = 1/1000) its phase waits at `phase_rad`, so the phase counts from the instant at which the level is
+// entered, not from the start of the recording. Linear in (A cos phase, A sin phase): the columns of both are the law
+// at A = 1, once with phase 0 and once with phase −π/2.
 //
 // Source     Guckenheimer and Holmes, Nonlinear Oscillations (1983), section 3.4; instability of pressure valves:
 //            Merritt, Hydraulic Control Systems (1967), chapter 9
@@ -29,9 +29,9 @@ constexpr std::array<MechanismParameter, 7> kParameters{
      {"amplitude_psi", "psi", "at the level where strongest"},
      {"strongest_at_psi", "psi", "that level"},
      {"half_width_psi", "psi", "it dies out this far from the level"},
-     {"frequency_slope", "", "relative change of frequency over the output's range"},
+     {"frequency_slope", "", "relative change of frequency over the output's range", 0},
      {"growth_per_s", "1/s", "rate at which a small cycle grows at the level"},
-     {"phase_rad", "rad", "at the instant the level is entered"}}};
+     {"phase_rad", "rad", "at the instant the level is entered", 0}}};
 constexpr std::array<std::string_view, 2> kConfusedWith{"periodic_disturbance", "resonance"};
 constexpr double kDead = 1e-3;  // a cycle of one thousandth shows in no recording
 
@@ -90,8 +90,9 @@ extern constinit const Mechanism kSelfOscillation{
     .origin = "valve",
     .wrong = "hunting: a tone whose amplitude and frequency depend on the level",
     .law = "y ← y + A r cos φ,  dr/dt = g r (D − r²),  D = 1 − ((y − L) / w)²,  dφ/dt = 2π f (1 + s (y − L) / R)",
-    .source = "Guckenheimer, Holmes, Nonlinear Oscillations (1983), section 3.4; Merritt, Hydraulic Control Systems "
-              "(1967), chapter 9",
+    .source =
+        "Guckenheimer, Holmes, Nonlinear Oscillations (1983), section 3.4; Merritt, Hydraulic Control Systems "
+        "(1967), chapter 9",
     .signature = "a tone on holds near one level that takes time to grow, none elsewhere",
     .confused_with = kConfusedWith,
     .place = Place::kOutput,

@@ -2,9 +2,9 @@
 //
 //   y ← y + d t,   t from the start of the recording
 //
-// Source     zero drift of strain gauges and amplifiers: Pallàs-Areny and Webster, Sensors and Signal Conditioning (2001)
-// Looks like an error that grows evenly from the start of each recording, whatever the level
-// Confused   with thermal_drift (in proportion to the level, settles), side_input (follows a channel), sensor_offset
+// Source     zero drift of strain gauges and amplifiers: Pallàs-Areny and Webster, Sensors and Signal Conditioning
+// (2001) Looks like an error that grows evenly from the start of each recording, whatever the level Confused   with
+// thermal_drift (in proportion to the level, settles), side_input (follows a channel), sensor_offset
 
 #include <array>
 

@@ -27,23 +27,22 @@ void apply(std::span<const double> parameters, const LawContext&, std::span<doub
 
 }  // namespace
 
-extern constinit const Mechanism kSensorOffset{
-    .order = 20,
-    .cause = "sensor_offset",
-    .family = "slow",
-    .origin = "stand",
-    .wrong = "constant offset",
-    .law = "y ← y + b",
-    .source = "zero error of a gauge: ISO 5171",
-    .signature = "the same error on every level, the level of rest included",
-    .confused_with = kConfusedWith,
-    .place = Place::kOutput,
-    .parameters = kParameters,
-    .size_parameter = 0,
-    .neutral = 0,
-    .bounds = bounds,
-    .apply = apply,
-    .tangent = nullptr,
-    .reshape = nullptr};
+extern constinit const Mechanism kSensorOffset{.order = 20,
+                                               .cause = "sensor_offset",
+                                               .family = "slow",
+                                               .origin = "stand",
+                                               .wrong = "constant offset",
+                                               .law = "y ← y + b",
+                                               .source = "zero error of a gauge: ISO 5171",
+                                               .signature = "the same error on every level, the level of rest included",
+                                               .confused_with = kConfusedWith,
+                                               .place = Place::kOutput,
+                                               .parameters = kParameters,
+                                               .size_parameter = 0,
+                                               .neutral = 0,
+                                               .bounds = bounds,
+                                               .apply = apply,
+                                               .tangent = nullptr,
+                                               .reshape = nullptr};
 
 }  // namespace valvetriage

@@ -22,7 +22,7 @@ enum Parameter { kCoefficient, kChannel };
 
 constexpr std::array<MechanismParameter, 2> kParameters{
     {{"coefficient", "psi per unit of the channel", "effect of the channel on the reading"},
-     {"channel", "", "index of the side channel, from 0"}}};
+     {"channel", "", "index of the side channel, from 0", 0}}};
 constexpr std::array<std::string_view, 3> kConfusedWith{"sensor_drift", "thermal_drift", "sensor_offset"};
 constexpr std::size_t kMostStarts = 6;
 
@@ -52,23 +52,22 @@ void apply(std::span<const double> parameters, const LawContext& context, std::s
 
 }  // namespace
 
-extern constinit const Mechanism kSideInput{
-    .order = 23,
-    .cause = "side_input",
-    .family = "slow",
-    .origin = "stand",
-    .wrong = "a measured side channel acts on the output",
-    .law = "y ← y + k (s − mean s)",
-    .source = "temperature and supply sensitivity of a valve: ISO 10770-1",
-    .signature = "a residual that follows a side channel, at every level",
-    .confused_with = kConfusedWith,
-    .place = Place::kOutput,
-    .parameters = kParameters,
-    .size_parameter = kCoefficient,
-    .neutral = 0,
-    .bounds = bounds,
-    .apply = apply,
-    .tangent = nullptr,
-    .reshape = nullptr};
+extern constinit const Mechanism kSideInput{.order = 23,
+                                            .cause = "side_input",
+                                            .family = "slow",
+                                            .origin = "stand",
+                                            .wrong = "a measured side channel acts on the output",
+                                            .law = "y ← y + k (s − mean s)",
+                                            .source = "temperature and supply sensitivity of a valve: ISO 10770-1",
+                                            .signature = "a residual that follows a side channel, at every level",
+                                            .confused_with = kConfusedWith,
+                                            .place = Place::kOutput,
+                                            .parameters = kParameters,
+                                            .size_parameter = kCoefficient,
+                                            .neutral = 0,
+                                            .bounds = bounds,
+                                            .apply = apply,
+                                            .tangent = nullptr,
+                                            .reshape = nullptr};
 
 }  // namespace valvetriage

@@ -2,8 +2,8 @@
 //
 //   y ← y + c R q (1 − q),   q = y / R,   |c| < 1 so that it stays monotone
 //
-// Source     linearity error of a characteristic, first term that vanishes at both ends: ISO 10770-1; a worn metering edge
-// Looks like errors of one sign, largest at mid range, none at the ends; the same up and down, at every rate
+// Source     linearity error of a characteristic, first term that vanishes at both ends: ISO 10770-1; a worn metering
+// edge Looks like errors of one sign, largest at mid range, none at the ends; the same up and down, at every rate
 // Confused   with leakage (largest at the top), gain_loss, stiffening_spring (largest at the top), orifice_flow
 
 #include <array>

@@ -2,8 +2,8 @@
 //
 //   z + c z³ = S (x − x0),   x ← x0 + z / S
 //
-// z is the travel in output units, S the map's secant over its whole range, x0 the input at which the spring is relaxed:
-// the lowest input of a valve. At small travel nothing changes.
+// z is the travel in output units, S the map's secant over its whole range, x0 the input at which the spring is
+// relaxed: the lowest input of a valve. At small travel nothing changes.
 //
 // Source     Duffing oscillator: Kovacic and Brennan, The Duffing Equation (2011); solved in closed form by sinh
 // Looks like output that falls short ever more with travel; a resonance that rises with amplitude

@@ -2,8 +2,8 @@
 //
 //   y ← y (1 + g θ),   τ dθ/dt = 1 − k + k (u / u_mid)² − θ,   θ = 0 at the start of the recording
 //
-// k is the share of copper losses among what heats, u_mid the middle of the input's range. Where the input is not known,
-// k = 0: θ = 1 − e^(−t/τ).
+// k is the share of copper losses among what heats, u_mid the middle of the input's range. Where the input is not
+// known, k = 0: θ = 1 − e^(−t/τ).
 //
 // Source     one-body model of a coil with copper losses: Incropera and DeWitt, Fundamentals of Heat and Mass Transfer,
 //            section 5.1 (lumped capacitance)
@@ -24,7 +24,7 @@ enum Parameter { kChange, kTimeConstant, kCopperShare };
 constexpr std::array<MechanismParameter, 3> kParameters{
     {{"gain_change", "", "at the end of warming, at mid input"},
      {"time_constant_s", "s", "of warming"},
-     {"copper_share", "", "share of the heating that goes with the square of the input"}}};
+     {"copper_share", "", "share of the heating that goes with the square of the input", 0}}};
 constexpr std::array<std::string_view, 3> kConfusedWith{"gain_loss", "sensor_drift", "intermittent"};
 
 MechanismBounds bounds(const MechanismScales& scales) {

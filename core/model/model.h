@@ -19,7 +19,8 @@ namespace valvetriage {
 struct MechanismUse {
   std::string cause;
   std::vector<double> parameters;  ///< in the order of the law's table
-  std::string channel;             ///< `side_input` only: the side channel that acts
+  /// `side_input`: the side channel that acts; `intermittent`: the recording it happened in, by name; else empty
+  std::string channel;
 
   bool operator==(const MechanismUse&) const = default;
 };

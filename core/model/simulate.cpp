@@ -6,6 +6,7 @@
 #include <complex>
 #include <limits>
 
+#include "core/model/free_run.h"
 #include "core/model/linear_filter.h"
 #include "core/model/model.h"
 
@@ -73,17 +74,25 @@ struct StartState {
 };
 
 /// The response from a state on, as many samples as `y` has.
-void respond(const Model& model, const LinearFilter& filter, const IntervalSignal& v, StartState from,
-             double sample_period_s, std::span<double> y) {
+void respond(const Model& model, const SignalLaws& laws, const LinearFilter& filter, const IntervalSignal& v,
+             StartState from, double sample_period_s, std::span<double> y) {
   filter.run(from.filter, std::span(v.start).first(y.size()), std::span(v.end).first(y.size()), y);
+  if (laws.at_position) laws.at_position(y);
   if (model.map) model.map->apply(y);
-  if (model.volume && !y.empty()) run_volume(*model.volume, sample_period_s, y[0] + from.volume_gap, y, y);
+  if (laws.at_steady) laws.at_steady(y);
+  std::vector<double> steady;
+  if (laws.at_output) steady.assign(y.begin(), y.end());
+  if (model.volume && !y.empty()) {
+    const double first_psi = settled_psi(*model.volume, y[0]) + from.volume_gap;
+    run_volume(*model.volume, sample_period_s, first_psi, y, y);
+  }
   for (double& value : y) value += model.output_offset;
+  if (laws.at_output) laws.at_output(steady, y);
 }
 
 /// Moves `start` by least squares towards the first measured outputs; the smallest move where they do not determine it.
 /// Exact in one step for a linear model, Gauss-Newton for a valve.
-void fit_start(const Model& model, const LinearFilter& filter, const IntervalSignal& v,
+void fit_start(const Model& model, const SignalLaws& laws, const LinearFilter& filter, const IntervalSignal& v,
                std::span<const double> measured, double sample_period_s, StartState& start) {
   const std::size_t samples = std::min(measured.size(), v.start.size());
   const auto order = static_cast<Index>(filter.order());
@@ -95,15 +104,15 @@ void fit_start(const Model& model, const LinearFilter& filter, const IntervalSig
     return from;
   };
   std::vector<double> response(samples), shifted(samples);
-  const int iterations = model.map ? 6 : 1;
+  const bool bent = model.map || laws.at_position || laws.at_output;
+  const int iterations = bent ? 6 : 1;
   for (int iteration = 0; iteration < iterations; ++iteration) {
-    respond(model, filter, v, start, sample_period_s, response);
+    respond(model, laws, filter, v, start, sample_period_s, response);
     Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(static_cast<Index>(samples), states);
     Eigen::VectorXd gap = Eigen::VectorXd::Zero(static_cast<Index>(samples));
     for (Index j = 0; j < states; ++j) {
-      const double probe =
-          model.map && j < order ? 1e-5 : 1.0;  // [A] of the map's input; a valve is nearly linear there
-      respond(model, filter, v, moved(start, probe * Eigen::VectorXd::Unit(states, j)), sample_period_s, shifted);
+      const double probe = bent && j < order ? 1e-5 : 1.0;  // [A] of the map's input; a valve is nearly linear there
+      respond(model, laws, filter, v, moved(start, probe * Eigen::VectorXd::Unit(states, j)), sample_period_s, shifted);
       for (std::size_t i = 0; i < samples; ++i) {
         if (!std::isfinite(measured[i])) continue;
         gap[static_cast<Index>(i)] = measured[i] - response[i];
@@ -119,8 +128,9 @@ void fit_start(const Model& model, const LinearFilter& filter, const IntervalSig
 
 }  // namespace
 
-Result<std::vector<double>> simulate(const Model& model, const IntervalSignal& input, double sample_period_s,
-                                     std::span<const double> measured, const InitialState& initial, Horizon horizon) {
+Result<std::vector<double>> free_run(const Model& model, const SignalLaws& laws, const IntervalSignal& input,
+                                     double sample_period_s, std::span<const double> measured,
+                                     const InitialState& initial, Horizon horizon) {
   if (horizon == Horizon::kUnbounded) {
     if (const auto stable = require_stable(model.dynamics); !stable) return tl::unexpected(stable.error());
   }
@@ -133,10 +143,10 @@ Result<std::vector<double>> simulate(const Model& model, const IntervalSignal& i
   start.filter.past = v.start.front();
   if (initial.kind == InitialState::Kind::kMeasured) {
     const auto first = measured.first(std::min(initial.samples, measured.size()));
-    fit_start(model, *filter, v, first, sample_period_s, start);
+    fit_start(model, laws, *filter, v, first, sample_period_s, start);
   }
   std::vector<double> y(v.start.size());
-  respond(model, *filter, v, start, sample_period_s, y);
+  respond(model, laws, *filter, v, start, sample_period_s, y);
   for (std::size_t i = 0; i < y.size(); ++i) {
     if (!std::isfinite(y[i])) {
       return fail("overflow", fmt::format("the simulation leaves the range of numbers at sample {}", i));
@@ -145,14 +155,24 @@ Result<std::vector<double>> simulate(const Model& model, const IntervalSignal& i
   return y;
 }
 
-Result<std::vector<double>> simulate(const Model& model, const Recording& recording, const InitialState& initial,
-                                     Horizon horizon) {
+std::vector<double> first_outputs(const Recording& recording, const InitialState& initial) {
   std::vector<double> measured = recording.output.values;
   measured.resize(std::min({measured.size(), initial.samples, recording.input.values.size()}));
   for (std::size_t i = 0; i < measured.size(); ++i) {
     if (!recording.is_valid(i)) measured[i] = std::numeric_limits<double>::quiet_NaN();
   }
-  return simulate(model, input_between_samples(recording), recording.sample_period_s, measured, initial, horizon);
+  return measured;
+}
+
+Result<std::vector<double>> simulate(const Model& model, const IntervalSignal& input, double sample_period_s,
+                                     std::span<const double> measured, const InitialState& initial, Horizon horizon) {
+  return free_run(model, {}, input, sample_period_s, measured, initial, horizon);
+}
+
+Result<std::vector<double>> simulate(const Model& model, const Recording& recording, const InitialState& initial,
+                                     Horizon horizon) {
+  return simulate(model, input_between_samples(recording), recording.sample_period_s, first_outputs(recording, initial),
+                  initial, horizon);
 }
 
 }  // namespace valvetriage

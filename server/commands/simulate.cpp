@@ -4,7 +4,7 @@
 #include <cmath>
 #include <memory>
 
-#include "core/model/model.h"
+#include "core/mechanisms/simulate_extended.h"
 #include "core/recording/prepare.h"
 #include "server/commands/commands.h"
 #include "server/commands/documents.h"
@@ -77,7 +77,7 @@ Result<std::string> simulate_file(const SimulateArguments& arguments) {
     initial = {.kind = InitialState::Kind::kMeasured, .samples = arguments.initial_samples};
   }
   const Horizon horizon = arguments.finite_horizon ? Horizon::kFinite : Horizon::kUnbounded;
-  const auto simulated = simulate(*model, *recording, initial, horizon);
+  const auto simulated = simulate_extended(*model, *recording, initial, horizon);
   if (!simulated) return tl::unexpected(simulated.error());
   return rows_of(*raw, *recording, *simulated, output_scale(*model, *raw));
 }

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <limits>
 
-#include "core/model/model.h"
+#include "core/mechanisms/simulate_extended.h"
 #include "server/http/downsample.h"
 #include "server/http/handlers.h"
 #include "server/http/limits.h"
@@ -113,7 +113,7 @@ Result<std::vector<double>> series_values(Service& service, const Request& reque
   if (!model) return tl::unexpected(model.error());
   // As in the analysis, the initial state is estimated rather than assumed; the run itself sees the input alone.
   const InitialState estimated{.kind = InitialState::Kind::kMeasured, .samples = recording.samples()};
-  auto simulated = simulate(*model, recording, estimated);
+  auto simulated = simulate_extended(*model, recording, estimated);
   if (!simulated || what != Shown::kResidual) return simulated;
   for (std::size_t i = 0; i < values.size(); ++i) values[i] -= (*simulated)[i];
   return values;
@@ -203,7 +203,7 @@ Result<Response> post_simulation(Service& service, Request& request) {
   const auto input = simulation_input(fields.object("input"));
   if (error) return tl::unexpected(*error);
   if (!input) return tl::unexpected(input.error());
-  const auto output = simulate(*model, *input, initial);
+  const auto output = simulate_extended(*model, *input, initial);
   if (!output) return tl::unexpected(output.error());
   return json_response(Json{{"time_s", input->time_s},
                             {"input", input->input.values},

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/mechanisms/mechanism.h"
+
 namespace valvetriage {
 namespace {
 
@@ -97,6 +99,49 @@ OrificeVolume volume_from_json(JsonFields fields) {
   return volume;
 }
 
+/// Values by name in the order of the law; what a document may leave out has the law's own default.
+std::vector<double> law_parameters(const Mechanism& law, JsonFields& fields) {
+  const std::map<std::string, double> given = fields.number_by_name("parameters");
+  std::vector<double> values;
+  for (const MechanismParameter& parameter : law.parameters) {
+    const auto found = given.find(std::string(parameter.name));
+    values.push_back(found == given.end() ? parameter.otherwise : found->second);
+    if (found == given.end() && std::isnan(parameter.otherwise)) {
+      fields.refuse("parameters", "missing_field", fmt::format("{} needs {}", law.cause, parameter.name));
+    }
+  }
+  for (const auto& [name, value] : given) {
+    const auto is_it = [&](const MechanismParameter& parameter) { return parameter.name == name; };
+    if (std::none_of(law.parameters.begin(), law.parameters.end(), is_it)) {
+      fields.refuse("parameters", "unknown_value", fmt::format("{} has no parameter '{}'", law.cause, name));
+    }
+  }
+  return values;
+}
+
+MechanismUse mechanism_from_json(JsonFields fields) {
+  MechanismUse use{.cause = fields.text("cause"), .parameters = {}, .channel = fields.text_or("channel", "")};
+  const Mechanism* law = find_mechanism(use.cause);
+  if (law) {
+    use.parameters = law_parameters(*law, fields);
+  } else {
+    fields.refuse("cause", "unknown_value", fmt::format("there is no cause '{}'", use.cause));
+  }
+  return use;
+}
+
+/// A value that is infinite stands for "there is none" and is left out.
+Json to_json(const MechanismUse& use) {
+  Json parameters = Json::object();
+  const Mechanism* law = find_mechanism(use.cause);
+  for (std::size_t j = 0; law && j < std::min(law->parameters.size(), use.parameters.size()); ++j) {
+    if (std::isfinite(use.parameters[j])) parameters[std::string(law->parameters[j].name)] = use.parameters[j];
+  }
+  Json json{{"cause", use.cause}, {"parameters", parameters}};
+  if (!use.channel.empty()) json["channel"] = use.channel;
+  return json;
+}
+
 /// What an `identify` result says about a model: a linear system and the operating point it was fitted around.
 Model from_identify_result(JsonFields fields) {
   Model model;
@@ -145,16 +190,21 @@ Json to_json(const Model& model) {
                   {"reference_psi", model.volume->reference_psi}};
   }
   if (model.map) map = Json{{"input", model.map->input}, {"output", model.map->output}};
-  return Json{{"schema", "valvetriage.model/1"},
-              {"kind", model.kind},
-              {"input_unit", model.input_unit},
-              {"output_unit", model.output_unit},
-              {"loop", loop},
-              {"transfer_function", to_json(model.dynamics)},
-              {"map", map},
-              {"volume", volume},
-              {"input_offset", model.input_offset},
-              {"output_offset", model.output_offset}};
+  Json json{{"schema", "valvetriage.model/1"},
+            {"kind", model.kind},
+            {"input_unit", model.input_unit},
+            {"output_unit", model.output_unit},
+            {"loop", loop},
+            {"transfer_function", to_json(model.dynamics)},
+            {"map", map},
+            {"volume", volume},
+            {"input_offset", model.input_offset},
+            {"output_offset", model.output_offset}};
+  if (!model.mechanisms.empty()) {
+    Json& mechanisms = json["mechanisms"] = Json::array();
+    for (const MechanismUse& use : model.mechanisms) mechanisms.push_back(to_json(use));
+  }
+  return json;
 }
 
 Model model_from_json(JsonFields fields) {
@@ -172,6 +222,11 @@ Model model_from_json(JsonFields fields) {
   model.dynamics = transfer_function_from_json(fields.object("transfer_function"));
   model.input_offset = fields.number_or("input_offset", 0);
   model.output_offset = fields.number_or("output_offset", 0);
+  if (!fields.has("mechanisms")) return model;
+  for (JsonFields& use : fields.objects("mechanisms")) model.mechanisms.push_back(mechanism_from_json(use));
+  if (model.mechanisms.size() > kMaxModelMechanisms) {
+    fields.refuse("mechanisms", "out_of_range", fmt::format("at most {} mechanisms", kMaxModelMechanisms));
+  }
   return model;
 }
 

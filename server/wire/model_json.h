@@ -8,6 +8,8 @@ namespace valvetriage {
 /// Most roots, and most knots of a map, that a model from outside may have; the product's own models stay far below.
 inline constexpr std::size_t kMaxModelRoots = 64;
 inline constexpr std::size_t kMaxMapKnots = 10000;
+/// Most physical causes in one model; an analysis finds at most three.
+inline constexpr std::size_t kMaxModelMechanisms = 32;
 
 /// {"domain","sample_time_s","zeros":[[re,im]],"poles":[[re,im]],"gain","delay_s"} (CONTRACT section 2).
 Json to_json(const TransferFunction& g);

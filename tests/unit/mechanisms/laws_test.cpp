@@ -201,7 +201,8 @@ TEST(Laws, FiltersAreExactBetweenSamples) {
     fine.push_back(coarse[i]);
     fine.push_back(0.5 * (coarse[i] + coarse[i + 1]));
   }
-  for (std::size_t i = 0; i < fine.size(); ++i) fine_stamps.push_back(0.5 * example::kPeriod_s * static_cast<double>(i));
+  for (std::size_t i = 0; i < fine.size(); ++i)
+    fine_stamps.push_back(0.5 * example::kPeriod_s * static_cast<double>(i));
   LawContext context{.time_s = fine_stamps};
   for (const auto& [cause, parameters] : {std::pair<std::string_view, std::vector<double>>{"extra_lag", {0.03}},
                                           {"resonance", {20, 0.1}},
@@ -218,7 +219,8 @@ TEST(Laws, AResonanceRingsAtItsFrequencyAndSettlesAtOne) {
   const auto y = run("resonance", {10, 0.05}, step);
   EXPECT_NEAR(y.back(), 1, 1e-6);
   const auto peak = std::max_element(y.begin(), y.end());
-  EXPECT_NEAR(*peak, 1 + std::exp(-0.05 * std::numbers::pi / std::sqrt(1 - 0.05 * 0.05)), 0.02);  // the peak lies between samples
+  EXPECT_NEAR(*peak, 1 + std::exp(-0.05 * std::numbers::pi / std::sqrt(1 - 0.05 * 0.05)),
+              0.02);  // the peak lies between samples
   EXPECT_NEAR(static_cast<double>(peak - y.begin()) * example::kPeriod_s, 0.0525, 0.003);
 }
 

@@ -106,8 +106,8 @@ TEST(Physics, ARelievedVolumeStopsAtItsLevelAndLeavesItAtOnce) {
 TEST(Physics, TangentsOfSpoiledVolumesAreTheDifferenceOfTwoRuns) {
   OrificeVolume relieved = kHealthy;
   relieved.ceiling_psi = 120;
-  for (const OrificeVolume& volume : {spoiled("leakage", 0.2), spoiled("orifice_flow", -0.1),
-                                      spoiled("asymmetric_response", 2), relieved}) {
+  for (const OrificeVolume& volume :
+       {spoiled("leakage", 0.2), spoiled("orifice_flow", -0.1), spoiled("asymmetric_response", 2), relieved}) {
     std::vector<double> steady(300), moved;
     for (std::size_t i = 0; i < steady.size(); ++i) steady[i] = 100 + 40 * std::sin(0.05 * static_cast<double>(i));
     moved = steady;

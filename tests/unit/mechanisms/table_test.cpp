@@ -58,10 +58,12 @@ std::string table_of_causes() {
       "One file is one cause: `<cause>.cpp`, its name the cause's name. CMake makes the list of all of them from the "
       "names, so a new cause is one new file; this page is made from the code (`tests/unit/mechanisms/table_test.cpp` "
       "fails when it is stale and says how to write it).\n\n"
-      "A law acts on the input, on the spool's position, on the steady output behind the static map, inside the valve's "
+      "A law acts on the input, on the spool's position, on the steady output behind the static map, inside the "
+      "valve's "
       "own blocks, or on the reading:\n\n"
       "```\n"
-      "u -> [input] -> magnetic loop, delay, spool -> [position] -> map -> [steady output] -> volume -> [reading] -> y\n"
+      "u -> [input] -> magnetic loop, delay, spool -> [position] -> map -> [steady output] -> volume -> [reading] -> "
+      "y\n"
       "```\n";
   for (const Mechanism* law : all_mechanisms()) {
     text += fmt::format("\n## {}\n\n{}.\n\n", law->cause, law->wrong);
@@ -76,22 +78,42 @@ std::string table_of_causes() {
 }
 
 TEST(MechanismTable, IsTheContractsInItsOrder) {
-  const std::vector<std::string> contract{
-      "friction",     "backlash",          "hysteresis",           "dead_band",     "saturation",    "gain_loss",
-      "static_curve", "rectified_sensor",  "transport_delay",      "extra_lag",     "resonance",     "rate_limit",
-      "asymmetric_response", "leakage",    "orifice_flow",         "stiffening_spring", "self_oscillation",
-      "periodic_disturbance", "thermal_drift", "sensor_offset",    "sensor_drift",  "intermittent",  "side_input"};
+  const std::vector<std::string> contract{"friction",
+                                          "backlash",
+                                          "hysteresis",
+                                          "dead_band",
+                                          "saturation",
+                                          "gain_loss",
+                                          "static_curve",
+                                          "rectified_sensor",
+                                          "transport_delay",
+                                          "extra_lag",
+                                          "resonance",
+                                          "rate_limit",
+                                          "asymmetric_response",
+                                          "leakage",
+                                          "orifice_flow",
+                                          "stiffening_spring",
+                                          "self_oscillation",
+                                          "periodic_disturbance",
+                                          "thermal_drift",
+                                          "sensor_offset",
+                                          "sensor_drift",
+                                          "intermittent",
+                                          "side_input"};
   std::vector<std::string> causes;
   for (const Mechanism* law : all_mechanisms()) causes.emplace_back(law->cause);
   EXPECT_EQ(causes, contract);
   EXPECT_EQ(find_mechanism("cosmic_rays"), nullptr);
 }
 
-TEST(MechanismTable, ASchemaListsTheSameCauses) {
-  const auto schema = nlohmann::json::parse(file("schemas/analysis.schema.json"));
+TEST(MechanismTable, TheSchemasListTheSameCauses) {
   std::vector<std::string> causes;
   for (const Mechanism* law : all_mechanisms()) causes.emplace_back(law->cause);
-  EXPECT_EQ(schema["definitions"]["cause"]["enum"].get<std::vector<std::string>>(), causes);
+  for (const char* name : {"schemas/analysis.schema.json", "schemas/model.schema.json"}) {
+    const auto schema = nlohmann::json::parse(file(name));
+    EXPECT_EQ(schema["definitions"]["cause"]["enum"].get<std::vector<std::string>>(), causes) << name;
+  }
 }
 
 TEST(MechanismTable, EveryEntryIsWhole) {

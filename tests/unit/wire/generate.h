@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/analysis/analysis.h"
+#include "core/mechanisms/mechanism.h"
 #include "server/wire/sha256.h"
 
 namespace valvetriage::generate {
@@ -88,6 +89,10 @@ inline Model model(bool with_map) {
   m.dynamics = transfer_function();
   m.input_offset = number();
   m.output_offset = number();
+  for (const Mechanism* law : all_mechanisms()) {
+    if (small(0, 9) > 0) continue;
+    m.mechanisms.push_back({std::string(law->cause), numbers(law->parameters.size()), small(0, 1) ? text() : ""});
+  }
   return m;
 }
 

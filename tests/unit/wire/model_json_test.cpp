@@ -137,5 +137,49 @@ TEST(ModelJson, TheFirstThingWrongIsNamedByItsPointer) {
   EXPECT_EQ(error.message, "/transfer_function/gain: expected a number, found \"much\"");
 }
 
+Json sticking_model() {
+  Json document = linear_model();
+  document["mechanisms"] =
+      Json::array({Json{{"cause", "friction"}, {"parameters", {{"breakaway_A", 0.03}, {"kinetic_A", 0.02}}}}});
+  return document;
+}
+
+TEST(ModelJson, APhysicalCauseIsReadByTheNamesOfItsParameters) {
+  const auto model = model_from_json(sticking_model());
+  ASSERT_TRUE(model.has_value()) << model.error().message;
+  ASSERT_EQ(model->mechanisms.size(), 1u);
+  EXPECT_EQ(model->mechanisms[0].parameters, (std::vector<double>{0.03, 0.02}));
+}
+
+TEST(ModelJson, AModelWithoutCausesIsWrittenAsBefore) {
+  EXPECT_FALSE(to_json(model_from_json(linear_model()).value()).contains("mechanisms"));
+}
+
+TEST(ModelJson, WhatALawDoesNotNeedMayBeLeftOutOfTheDocument) {
+  Json document = sticking_model();
+  document["mechanisms"][0] = Json{{"cause", "saturation"}, {"parameters", {{"level_psi", 150}}}};
+  const auto model = model_from_json(document);
+  ASSERT_TRUE(model.has_value());
+  EXPECT_TRUE(std::isinf(model->mechanisms[0].parameters[1]));
+  EXPECT_EQ(to_json(*model)["mechanisms"], document["mechanisms"]);
+}
+
+TEST(ModelJson, UnknownCausesAndParametersAreRefusedByName) {
+  Json document = sticking_model();
+  document["mechanisms"][0]["cause"] = "cosmic_rays";
+  EXPECT_EQ(refused(document).field, "/mechanisms/0/cause");
+  document = sticking_model();
+  document["mechanisms"][0]["parameters"]["colour"] = 1;
+  EXPECT_EQ(refused(document).code, "unknown_value");
+  document["mechanisms"][0]["parameters"] = Json{{"breakaway_A", 0.03}};
+  EXPECT_EQ(refused(document).code, "missing_field");
+}
+
+TEST(ModelJson, TheNumberOfCausesIsBounded) {
+  Json document = sticking_model();
+  for (std::size_t i = 0; i < kMaxModelMechanisms; ++i) document["mechanisms"].push_back(document["mechanisms"][0]);
+  EXPECT_EQ(refused(document).code, "out_of_range");
+}
+
 }  // namespace
 }  // namespace valvetriage

@@ -1,0 +1,249 @@
+#include "core/mechanisms/simulate_extended.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/model/free_run.h"
+
+namespace valvetriage {
+namespace {
+
+/// A law of the model with its parameters ready to use.
+struct Law {
+  const Mechanism* mechanism;
+  std::vector<double> parameters;
+};
+
+/// What a recording has that an input alone has not.
+struct Surroundings {
+  std::span<const Channel> side;
+  std::string_view recording;
+};
+
+Result<void> check_parameters(const Mechanism& law, const MechanismUse& use) {
+  if (use.parameters.size() != law.parameters.size()) {
+    return fail("bad_parameter", fmt::format("{} has {} parameters, {} were given", law.cause, law.parameters.size(),
+                                             use.parameters.size()));
+  }
+  for (std::size_t j = 0; j < use.parameters.size(); ++j) {
+    // Only a size may be infinite, for it may be its neutral value, and the lower level that there is none.
+    const bool may = j == law.size_parameter || law.cause == "saturation";
+    const double value = use.parameters[j];
+    if (std::isnan(value) || (std::isinf(value) && !may)) {
+      return fail("bad_parameter", fmt::format("{} of {} is not a finite number", law.parameters[j].name, law.cause));
+    }
+  }
+  return {};
+}
+
+/// Index of the channel that a law names, put where the law reads it.
+Result<void> find_channel(const MechanismUse& use, std::span<const Channel> side, Law& law) {
+  if (use.cause != "side_input" || use.channel.empty()) return {};
+  const auto found = std::find_if(side.begin(), side.end(), [&](const Channel& c) { return c.name == use.channel; });
+  if (found == side.end()) {
+    return fail("missing_channel", fmt::format("the model's side_input needs the channel '{}'", use.channel));
+  }
+  law.parameters[1] = static_cast<double>(found - side.begin());
+  return {};
+}
+
+/// Whether a law that belongs to one recording is to act in this one, and then as index 0.
+bool is_elsewhere(const MechanismUse& use, const Surroundings& around, Law& law) {
+  if (use.cause != "intermittent") return false;
+  law.parameters[2] = 0;
+  return !use.channel.empty() && use.channel != around.recording;
+}
+
+Result<std::vector<Law>> laws_of(const Model& model, const Surroundings& around) {
+  std::vector<Law> laws;
+  for (const MechanismUse& use : model.mechanisms) {
+    const Mechanism* mechanism = find_mechanism(use.cause);
+    if (!mechanism) return fail("unknown_cause", fmt::format("there is no cause '{}'", use.cause));
+    if (auto checked = check_parameters(*mechanism, use); !checked) return tl::unexpected(checked.error());
+    Law law{mechanism, use.parameters};
+    if (auto found = find_channel(use, around.side, law); !found) return tl::unexpected(found.error());
+    if (!is_elsewhere(use, around, law)) laws.push_back(std::move(law));
+  }
+  return laws;
+}
+
+/// The model with its blocks changed by the laws inside the valve.
+Result<Model> reshaped(Model model, std::span<const Law> laws) {
+  for (const Law& law : laws) {
+    const Mechanism& mechanism = *law.mechanism;
+    if (!mechanism.reshape) continue;
+    MagneticLoop loop = model.loop.value_or(MagneticLoop{});
+    ValveDynamics spool{.delay_s = model.dynamics.delay_s};
+    OrificeVolume volume = model.volume.value_or(OrificeVolume{});
+    if (volume.highest_psi == 0 && model.map) volume.highest_psi = model.map->output.back();
+    const OrificeVolume before = volume;
+    mechanism.reshape(law.parameters, {loop, spool, volume});
+    const bool needs_volume = mechanism.place == Place::kPhysics && !(volume == before);
+    if (needs_volume && !model.volume) {
+      return fail("needs_volume", fmt::format("{} acts on a fluid volume, and the model has none", mechanism.cause));
+    }
+    if (model.volume) model.volume = volume;
+    if (model.loop || loop.width_a != 0) model.loop = loop;
+    model.dynamics.delay_s = spool.delay_s;
+  }
+  return model;
+}
+
+double range_of(std::span<const double> values) {
+  if (values.empty()) return 0;
+  const auto [low, high] = std::minmax_element(values.begin(), values.end());
+  return *high - *low;
+}
+
+/// What every law of this run sees, wherever it acts.
+LawContext common_context(const Model& model, const Surroundings& around) {
+  LawContext context{.side = around.side};
+  if (model.map) {
+    const StaticMap& map = *model.map;
+    const double span_a = map.input.back() - map.input.front();
+    context.output_range = range_of(map.output);
+    context.input_middle = 0.5 * (map.input.front() + map.input.back());
+    context.rest_input = map.input.front();
+    context.secant = (map.output.back() - map.output.front()) / span_a;
+  }
+  return context;
+}
+
+void run_laws(std::span<const Law> laws, Place place, const LawContext& context, std::span<double> signal) {
+  for (const Law& law : laws) {
+    if (law.mechanism->place == place && law.mechanism->apply) {
+      law.mechanism->apply(law.parameters, context, signal);
+    }
+  }
+}
+
+bool any_at(std::span<const Law> laws, Place place) {
+  return std::any_of(laws.begin(), laws.end(), [&](const Law& law) { return law.mechanism->place == place; });
+}
+
+IntervalSignal behind_input_laws(const IntervalSignal& input, std::span<const Law> laws, LawContext context,
+                                 double sample_period_s) {
+  if (!any_at(laws, Place::kInput)) return input;
+  std::vector<double> signal = interleaved(input);
+  const std::vector<double> driver = interleaved_driver(input);
+  const std::vector<double> stamps = interleaved_stamps(input.start.size(), sample_period_s);
+  context.time_s = stamps;
+  context.driver = driver;
+  run_laws(laws, Place::kInput, context, signal);
+  return intervals(signal);
+}
+
+Result<std::vector<double>> run(const Model& model, const IntervalSignal& input, double sample_period_s,
+                                std::span<const double> measured, const InitialState& initial, Horizon horizon,
+                                const Surroundings& around) {
+  if (model.mechanisms.empty()) return free_run(model, {}, input, sample_period_s, measured, initial, horizon);
+  const auto laws = laws_of(model, around);
+  if (!laws) return tl::unexpected(laws.error());
+  const auto changed = reshaped(model, *laws);
+  if (!changed) return tl::unexpected(changed.error());
+
+  LawContext context = common_context(model, around);
+  const std::vector<double> stamps = law_stamps(input.start.size(), sample_period_s);
+  context.time_s = stamps;
+  context.input = input.start;
+  const double gain = model.map ? 1 : static_gain(model.dynamics);
+  if (!model.map) {
+    const bool on_position = any_at(*laws, Place::kPosition);
+    if (on_position && (gain == 0 || !std::isfinite(gain))) {
+      return fail("no_static_gain", "a law on the position needs a model with a static gain");
+    }
+    const auto bare = free_run(*changed, {}, input, sample_period_s, measured, initial, horizon);
+    if (!bare) return tl::unexpected(bare.error());
+    context.output_range = range_of(*bare);
+    context.rest_input = model.input_offset;
+    context.secant = gain;
+    context.input_middle = model.input_offset;
+  }
+
+  SignalLaws signal_laws;
+  if (any_at(*laws, Place::kPosition)) {
+    // The position of a linear model is its output over its static gain, about the operating point.
+    const double offset = model.map ? 0 : model.input_offset;
+    signal_laws.at_position = [&, gain, offset](std::span<double> x) {
+      for (double& value : x) value = value / gain + offset;
+      run_laws(*laws, Place::kPosition, context, x);
+      for (double& value : x) value = (value - offset) * gain;
+    };
+  }
+  const bool at_steady = any_at(*laws, Place::kSteady);
+  if (at_steady && model.map) {
+    signal_laws.at_steady = [&](std::span<double> m) { run_laws(*laws, Place::kSteady, context, m); };
+  }
+  if (any_at(*laws, Place::kOutput) || (at_steady && !model.map)) {
+    signal_laws.at_output = [&](std::span<const double> steady, std::span<double> y) {
+      if (!model.map) run_laws(*laws, Place::kSteady, context, y);
+      LawContext here = context;
+      here.steady = steady;
+      run_laws(*laws, Place::kOutput, here, y);
+    };
+  }
+  const IntervalSignal moved = behind_input_laws(input, *laws, context, sample_period_s);
+  return free_run(*changed, signal_laws, moved, sample_period_s, measured, initial, horizon);
+}
+
+}  // namespace
+
+std::vector<double> interleaved(const IntervalSignal& signal) {
+  std::vector<double> both(2 * signal.start.size());
+  for (std::size_t i = 0; i < signal.start.size(); ++i) {
+    both[2 * i] = signal.start[i];
+    both[2 * i + 1] = signal.end[i];
+  }
+  return both;
+}
+
+IntervalSignal intervals(std::span<const double> interleaved) {
+  IntervalSignal signal{std::vector<double>(interleaved.size() / 2), std::vector<double>(interleaved.size() / 2)};
+  for (std::size_t i = 0; i < signal.start.size(); ++i) {
+    signal.start[i] = interleaved[2 * i];
+    signal.end[i] = interleaved[2 * i + 1];
+  }
+  return signal;
+}
+
+std::vector<double> interleaved_driver(const IntervalSignal& signal) {
+  const std::vector<double> gated = loop_driver(signal);
+  std::vector<double> driver(2 * gated.size());
+  for (std::size_t i = 0; i < gated.size(); ++i) {
+    driver[2 * i] = gated[i];
+    const bool is_held = signal.end[i] == signal.start[i] || i + 1 == gated.size();
+    driver[2 * i + 1] = is_held ? gated[i] : gated[i + 1];
+  }
+  return driver;
+}
+
+std::vector<double> law_stamps(std::size_t samples, double sample_period_s) {
+  std::vector<double> stamps(samples);
+  for (std::size_t i = 0; i < samples; ++i) stamps[i] = static_cast<double>(i) * sample_period_s;
+  return stamps;
+}
+
+std::vector<double> interleaved_stamps(std::size_t samples, double sample_period_s) {
+  std::vector<double> stamps(2 * samples);
+  for (std::size_t i = 0; i < samples; ++i) {
+    stamps[2 * i] = static_cast<double>(i) * sample_period_s;
+    stamps[2 * i + 1] = static_cast<double>(i + 1) * sample_period_s;
+  }
+  return stamps;
+}
+
+Result<std::vector<double>> simulate_extended(const Model& model, const IntervalSignal& input, double sample_period_s,
+                                              std::span<const double> measured, const InitialState& initial,
+                                              Horizon horizon) {
+  return run(model, input, sample_period_s, measured, initial, horizon, {});
+}
+
+Result<std::vector<double>> simulate_extended(const Model& model, const Recording& recording,
+                                              const InitialState& initial, Horizon horizon) {
+  return run(model, input_between_samples(recording), recording.sample_period_s, first_outputs(recording, initial),
+             initial, horizon, {.side = recording.side, .recording = recording.name});
+}
+
+}  // namespace valvetriage

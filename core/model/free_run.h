@@ -1,0 +1,28 @@
+#pragma once
+
+#include <functional>
+#include <span>
+#include <vector>
+
+#include "core/model/model.h"
+
+namespace valvetriage {
+
+/// What acts on the signals of a free run beside the model's own blocks; nothing by default. Each changes its signal in
+/// place and may be called several times, on the first samples only (an initial state is being found) or on all.
+struct SignalLaws {
+  std::function<void(std::span<double> position)> at_position;  ///< behind G, before the map
+  std::function<void(std::span<double> steady)> at_steady;      ///< behind the map, before the volume
+  /// behind everything; `steady` is what entered the volume
+  std::function<void(std::span<const double> steady, std::span<double> output)> at_output;
+};
+
+/// `simulate` with laws between the blocks. A volume that settles elsewhere than at its m starts where it settles.
+Result<std::vector<double>> free_run(const Model& model, const SignalLaws& laws, const IntervalSignal& input,
+                                     double sample_period_s, std::span<const double> measured,
+                                     const InitialState& initial, Horizon horizon);
+
+/// The measured outputs that set the initial state, NaN where one takes no part.
+std::vector<double> first_outputs(const Recording& recording, const InitialState& initial);
+
+}  // namespace valvetriage
