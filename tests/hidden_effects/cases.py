@@ -120,11 +120,15 @@ def counts_for(number):
     return {"healthy": number - sum(counts.values()), **counts}
 
 
+def name_of(kind, number):
+    return f"{kind}-{number:04d}"
+
+
 def draw(kind, number, seed, attempt, effects, decoys):
     """Case `number` of its class. The valve and its day hang on seed, class and number; what is hidden, on the attempt too:
     a class is filled by trying attempts until one lies in its range of distances."""
     place = Draws(seed, kind, number)
-    case = Case(f"{kind}-{number:04d}", kind, unit_seed=place.seed(), noise_seed=place.seed(), attempt=attempt)
+    case = Case(name_of(kind, number), kind, unit_seed=place.seed(), noise_seed=place.seed(), attempt=attempt)
     sizes = Draws(seed, kind, number, "attempt", attempt)
     if kind == "healthy":
         names = list(decoys)

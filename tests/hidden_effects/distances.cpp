@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
-#include <numbers>
 #include <optional>
 
 #include "tests/hidden_effects/output_rivals.h"
@@ -20,10 +20,12 @@ using stand::Unit;
 
 constexpr double kNoisePsi = 0.35;
 constexpr int kPasts = 3;
-constexpr std::size_t kRefined = 6;         // rivals of the screening that are fitted by twin runs
-constexpr double kExcludedAt = 2.45;        // ½ d² = 3: twenty to one
-constexpr double kSensitivityStep = 0.5;    // of a population standard deviation
+constexpr double kHoldPsi = 10;           // what a stuck spool may be off before the first move
+constexpr std::size_t kRefined = 6;       // rivals of the screening that are fitted by twin runs
+constexpr double kExcludedAt = 2.45;      // ½ d² = 3: twenty to one
+constexpr double kSensitivityStep = 0.5;  // of a population standard deviation
 constexpr int kIterations = 5;
+constexpr double kHopeless = 4;  // a fit by twin runs leaves a quarter of what the screening left, or more
 
 std::vector<Faults> healthy(const TwinBench& bench) {
   return std::vector<Faults>(bench.recordings());
@@ -39,6 +41,18 @@ Unit moved(const Unit& unit, const VectorXd& z) {
     value = spread[j].relative ? value * std::max(0.05, 1 + step) : value + step;
   }
   return result;
+}
+
+/// 1 until the command first moves, then gone with the time constant of the volume.
+VectorXd before_the_first_move(const stand::Command& command) {
+  constexpr double kVolumeS = 0.065;
+  const std::vector<double>& value = command.value_a;
+  const auto moved = std::find_if(value.begin(), value.end(), [&](double a) { return a != value.front(); });
+  const auto held = static_cast<Index>(moved - value.begin());
+  VectorXd column(static_cast<Index>(value.size()));
+  for (Index k = 0; k < column.size(); ++k)
+    column[k] = k < held ? 1 : std::exp(-command.period_s * static_cast<double>(k - held) / kVolumeS);
+  return column;
 }
 
 }  // namespace
@@ -70,8 +84,8 @@ DistanceMeter::Day::Day(const stand::SessionOptions& options)
       noise_seed(options.noise_seed),
       bench(options),
       output(bench.output(bench.unit(), healthy(bench))) {
-  const auto pasts = static_cast<Index>(kPasts * bench.recordings());
-  absorbed = MatrixXd::Zero(bench.samples(), parameters() + pasts);
+  const auto recordings = static_cast<Index>(bench.recordings());
+  absorbed = MatrixXd::Zero(bench.samples(), parameters() + (kPasts + 1) * recordings);
   for (Index j = 0; j < parameters(); ++j) {
     const VectorXd step = kSensitivityStep * VectorXd::Unit(parameters(), j);
     absorbed.col(j) = (bench.output(moved(bench.unit(), step), healthy(bench)) - output) / kSensitivityStep;
@@ -79,9 +93,12 @@ DistanceMeter::Day::Day(const stand::SessionOptions& options)
   for (int past = 0; past < kPasts; ++past) {
     const VectorXd difference = (bench.output_after(past) - output) / std::sqrt(static_cast<double>(kPasts));
     for (std::size_t i = 0; i < bench.recordings(); ++i)
-      absorbed.col(parameters() + past * static_cast<Index>(bench.recordings()) + static_cast<Index>(i))
-          .segment(bench.begin(i), bench.size(i)) = difference.segment(bench.begin(i), bench.size(i));
+      absorbed.col(parameters() + past * recordings + static_cast<Index>(i)).segment(bench.begin(i), bench.size(i)) =
+          difference.segment(bench.begin(i), bench.size(i));
   }
+  for (std::size_t i = 0; i < bench.recordings(); ++i)
+    absorbed.col(parameters() + kPasts * recordings + static_cast<Index>(i)).segment(bench.begin(i), bench.size(i)) =
+        kHoldPsi * before_the_first_move(bench.commands()[i]);
   MatrixXd stack(absorbed.rows() + absorbed.cols(), absorbed.cols());
   stack << absorbed / kNoisePsi, MatrixXd::Identity(absorbed.cols(), absorbed.cols());
   const Eigen::HouseholderQR<MatrixXd> qr(stack);
@@ -174,8 +191,8 @@ class Fitter {
     }
     for (double share = 1; share > 0.2; share *= 0.5) {
       const VectorXd rest = from.rho - share * (columns * step);
-      const VectorXd absorbed = share * day_.triangle.template triangularView<Eigen::Upper>().solve(
-                                            day_.basis.transpose() * rest);
+      const VectorXd absorbed =
+          share * day_.triangle.template triangularView<Eigen::Upper>().solve(day_.basis.transpose() * rest);
       Fit next = at(from.numbers + share * step, from.theta + absorbed);
       if (next.squared() < from.squared()) return next;
     }
@@ -200,12 +217,12 @@ std::vector<Start> screened(const Day& day, const ScreeningGrid& grid, const Vec
   const VectorXd left = day.off_baseline(rho);
   const Eigen::MatrixXf top = (day.basis.topRows(samples) / kNoisePsi).template cast<float>();
   const Eigen::MatrixXf inside = top.transpose() * grid.signature;
-  const Eigen::VectorXf along =
-      grid.signature.transpose() * (left.head(samples) / kNoisePsi).template cast<float>();
+  const Eigen::VectorXf along = grid.signature.transpose() * (left.head(samples) / kNoisePsi).template cast<float>();
   std::vector<Start> best(simulated_rivals().size(), {0, {}, std::numeric_limits<double>::infinity()});
   for (std::size_t e = 0; e < grid.entries.size(); ++e) {
     const auto column = static_cast<Index>(e);
-    const double energy = grid.signature.col(column).squaredNorm() / (kNoisePsi * kNoisePsi) - inside.col(column).squaredNorm();
+    const double energy =
+        grid.signature.col(column).squaredNorm() / (kNoisePsi * kNoisePsi) - inside.col(column).squaredNorm();
     const double scale = std::clamp(along[column] / std::max(energy, 1e-12), 0.6, 1.7);
     const double remains = left.squaredNorm() - 2 * scale * along[column] + scale * scale * energy;
     const ScreeningGrid::Entry& entry = grid.entries[e];
@@ -233,7 +250,7 @@ double root(double squared) {
 
 /// The distances of one hidden effect, the other member of a pair being present with its size free.
 template <class Day>
-Distances told_from_rivals(const Day& day, const ScreeningGrid& grid, const VectorXd& observed,
+Distances told_from_rivals(const Day& day, const std::function<const ScreeningGrid&()>& grid, const VectorXd& observed,
                            const std::string& hidden, const std::optional<EffectRequest>& partner,
                            const Wanted& wanted) {
   const Fit base = Fitter<Day>(day, observed, {nullptr, partner})
@@ -247,17 +264,17 @@ Distances told_from_rivals(const Day& day, const ScreeningGrid& grid, const Vect
       found.rival = cause;
     }
   };
-  for (const OutputFit& fit : output_rivals(day.bench, day.output, day.off_baseline(base.rho), [&](const VectorXd& c) {
-         return day.off_baseline(day.stacked(c));
-       }))
+  for (const OutputFit& fit : output_rivals(day.bench, day.output, day.off_baseline(base.rho),
+                                            [&](const VectorXd& c) { return day.off_baseline(day.stacked(c)); }))
     if (fit.cause != hidden && !(partner && partner->effect == fit.cause)) consider(fit.cause, root(fit.left));
   std::size_t refined = 0;
-  for (const Start& start : screened(day, grid, base.rho)) {
+  for (const Start& start : screened(day, grid(), base.rho)) {
     const Rival& rival = simulated_rivals()[start.rival];
     if (rival.cause == hidden || (partner && partner->effect == rival.cause)) continue;
     if (++refined > kRefined) break;
     if (found.d_name < wanted.smallest_d_name) break;
     if (refined == 4 && found.d_name > 3 * wanted.largest_d_name) break;
+    if (root(start.left) > kHopeless * (found.d_name + 1)) break;
     const Fit fit =
         Fitter<Day>(day, observed, {&rival, partner}).refined(coordinates(start, partner.has_value()), base.theta);
     consider(rival.cause, root(fit.squared()));
@@ -280,7 +297,8 @@ ScreeningGrid screening_grid(const std::vector<std::string>& tests) {
     const std::vector<double> shapes = rival.axes.size() > 1 ? rival.axes[1].starts : std::vector<double>{0};
     for (const double size : rival.axes[0].starts)
       for (const double shape : shapes)
-        grid.entries.push_back({r, rival.axes.size() > 1 ? std::vector<double>{size, shape} : std::vector<double>{size}});
+        grid.entries.push_back(
+            {r, rival.axes.size() > 1 ? std::vector<double>{size, shape} : std::vector<double>{size}});
   }
   grid.signature.resize(bench.samples(), static_cast<Index>(grid.entries.size()));
   for (std::size_t e = 0; e < grid.entries.size(); ++e) {
@@ -291,21 +309,25 @@ ScreeningGrid screening_grid(const std::vector<std::string>& tests) {
   return grid;
 }
 
-DistanceMeter::DistanceMeter(const std::vector<std::string>& tests) : tests_(tests), grid_(screening_grid(tests)) {}
+DistanceMeter::DistanceMeter(const std::vector<std::string>& tests) : tests_(tests) {}
 
 Distances DistanceMeter::measure(const stand::SessionOptions& options, const Wanted& wanted) {
   if (!day_ || day_->unit_seed != options.unit_seed || day_->noise_seed != options.noise_seed)
     day_ = std::make_shared<const Day>(options);
   const VectorXd observed = day_->bench.output(day_->bench.unit(), day_->bench.faults(options.effects));
+  const auto grid = [this]() -> const ScreeningGrid& {
+    if (!grid_) grid_ = std::make_shared<const ScreeningGrid>(screening_grid(tests_));
+    return *grid_;
+  };
   if (options.effects.size() == 1)
-    return told_from_rivals(*day_, grid_, observed, options.effects[0].effect, std::nullopt, wanted);
-  const Fit together = Fitter<Day>(*day_, observed, {})
-                           .refined(VectorXd::Zero(0), VectorXd::Zero(day_->absorbed.cols()));
+    return told_from_rivals(*day_, grid, observed, options.effects[0].effect, std::nullopt, wanted);
+  const Fit together =
+      Fitter<Day>(*day_, observed, {}).refined(VectorXd::Zero(0), VectorXd::Zero(day_->absorbed.cols()));
   Distances worst;
   worst.d_name = std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < 2; ++i) {
     const Distances one =
-        told_from_rivals(*day_, grid_, observed, options.effects[i].effect, options.effects[1 - i], wanted);
+        told_from_rivals(*day_, grid, observed, options.effects[i].effect, options.effects[1 - i], wanted);
     if (one.d_name < worst.d_name) worst = one;
     if (worst.d_name < wanted.smallest_d_name) break;
   }

@@ -13,10 +13,11 @@ namespace valvetriage::hidden_effects {
 
 /// The two distances of a case, in standard deviations.
 struct Distances {
-  double d = 0;            ///< what the baseline cannot absorb of what is hidden
-  double d_name = 0;       ///< what is left when the best rival has absorbed its part as well
-  std::string rival;       ///< that rival
-  double oracle_set = 1;   ///< causes that an observer who knows every law could not exclude at 20 to 1, the true one among them
+  double d = 0;       ///< what the baseline cannot absorb of what is hidden
+  double d_name = 0;  ///< what is left when the best rival has absorbed its part as well
+  std::string rival;  ///< that rival
+  double oracle_set =
+      1;  ///< causes that an observer who knows every law could not exclude at 20 to 1, the true one among them
 };
 
 /// When to stop early: the caller only wants to know that a case is outside its class.
@@ -40,12 +41,14 @@ ScreeningGrid screening_grid(const std::vector<std::string>& tests);
 ///
 ///   d² = min over θ of |y − f(θ)|² / σ² + |θ|²
 ///
-/// y is the noise-free output with what is hidden, f(θ) that of the same valve on the same day without it, θ the valve's
-/// parameters in population standard deviations from its own and the weights of three other pasts of each recording;
-/// σ the white noise. For small effects that is sᵀ (σ² I + J Jᵀ)⁻¹ s: the signature whitened with noise and spread. For a
-/// rival, f gets its law with every number free, d_name is the least over all rivals. Of a pair, each member is named
-/// against the other one present with its size free; d_name is the smaller of the two.
-/// Minimised by Gauss-Newton with the sensitivities of the healthy twin; errors of a local minimum make d_name too large.
+/// y is the noise-free output with what is hidden, f(θ) that of the same valve on the same day without it, θ the
+/// valve's parameters in population standard deviations from its own, the weights of three other pasts of each
+/// recording, and what the first hold of each recording shows before anything moves (free within 10 psi: where a spool
+/// with friction or play stopped before the record began is nobody's knowledge); σ the white noise. For small effects
+/// that is sᵀ (σ² I + J Jᵀ)⁻¹ s: the signature whitened with noise and spread. For a rival, f gets its law with every
+/// number free, d_name is the least over all rivals. Of a pair, each member is named against the other one present with
+/// its size free; d_name is the smaller of the two. Minimised by Gauss-Newton with the sensitivities of the healthy
+/// twin; errors of a local minimum make d_name too large.
 ///
 /// Cost    30 twin sessions for a new valve or day, then 5 to 60 for a case (0.25 s each for a full session).
 class DistanceMeter {
@@ -56,7 +59,7 @@ class DistanceMeter {
  private:
   struct Day;
   std::vector<std::string> tests_;
-  ScreeningGrid grid_;
+  std::shared_ptr<const ScreeningGrid> grid_;  ///< made when first needed
   std::shared_ptr<const Day> day_;
 };
 

@@ -1,6 +1,7 @@
 #include <cstdio>
 #include <exception>
 #include <iostream>
+#include <limits>
 #include <map>
 #include <memory>
 #include <sstream>
@@ -32,6 +33,7 @@ Wanted wanted_for(const std::string& kind) {
   if (kind == "single" || kind == "pair") return {8, 8, 1e9};
   if (kind == "close") return {6, 0, 4};
   if (kind == "step_up" || kind == "outside") return {6, 0, 1e9};
+  if (kind == "detect") return {std::numeric_limits<double>::infinity(), 0, 0};
   return {};
 }
 
@@ -50,8 +52,8 @@ void answer(const std::string& line, std::map<std::string, std::unique_ptr<Dista
 }  // namespace
 }  // namespace valvetriage::hidden_effects
 
-/// Reads a case per line from standard input and answers `d d_name oracle_set rival`. KIND is the class that the case is
-/// to belong to (a case that does not is left early), or `any`.
+/// Reads a case per line from standard input and answers `d d_name oracle_set rival`. KIND is the class that the case
+/// is to belong to (a case that does not is left early), `detect` for d alone, or `any`.
 int main() {
   try {
     std::map<std::string, std::unique_ptr<valvetriage::hidden_effects::DistanceMeter>> meters;

@@ -35,7 +35,8 @@ double left_by(const VectorXd& left, const VectorXd& column) {
   return left.squaredNorm() - along * along / energy;
 }
 
-/// A change of gain from an instant of one recording on: all recordings, instants on a grid, then halving around the best.
+/// A change of gain from an instant of one recording on: all recordings, instants on a grid, then halving around the
+/// best.
 double left_by_contact(const TwinBench& bench, const VectorXd& healthy_psi, const VectorXd& left,
                        const Whitener& whitened) {
   constexpr Index kGrid = 24;
@@ -76,7 +77,8 @@ double left_by_tone(const TwinBench& bench, const VectorXd& left, const Whitener
     for (Index k = 0; k < bench.size(i); ++k) along += left[bench.begin(i) + k] * std::conj(phasor(i, k));
     turn[i] = along / std::max(std::abs(along), 1e-12);
   }
-  return left_by(left, whitened(column_of(bench, [&](std::size_t i, Index k) { return (turn[i] * phasor(i, k)).real(); })));
+  return left_by(left,
+                 whitened(column_of(bench, [&](std::size_t i, Index k) { return (turn[i] * phasor(i, k)).real(); })));
 }
 
 /// Sum over recordings of |<left, tone>|: what one amplitude with free phases would explain.
@@ -109,7 +111,8 @@ double strongest_hz(const TwinBench& bench, const VectorXd& left) {
   return at;
 }
 
-/// Hunting as the stand makes it, its cycle followed along the healthy output: strongest at one level, frequency with it.
+/// Hunting as the stand makes it, its cycle followed along the healthy output: strongest at one level, frequency with
+/// it.
 double left_by_hunting(const TwinBench& bench, const VectorXd& healthy_psi, const VectorXd& left,
                        const Whitener& whitened, double hertz, double level_psi) {
   constexpr double kGrowthPerS = 10, kWidthPsi = 60, kAway = 0.5, kStir = 0.02, kRangePsi = 210;
@@ -144,8 +147,8 @@ std::vector<OutputFit> output_rivals(const TwinBench& bench, const VectorXd& hea
                                      const Whitener& whitened) {
   std::vector<OutputFit> fits;
   fits.push_back({"sensor_offset", left_by(left, whitened(VectorXd::Ones(bench.samples())))});
-  fits.push_back({"sensor_drift",
-                  left_by(left, whitened(column_of(bench, [](std::size_t, Index k) { return time_s(k); })))});
+  fits.push_back(
+      {"sensor_drift", left_by(left, whitened(column_of(bench, [](std::size_t, Index k) { return time_s(k); })))});
   const VectorXd warm = column_of(bench, [&](std::size_t i, Index k) {
     const stand::Environment& around = bench.environment(i);
     return around.temperature_c.at(time_s(k)) - around.day_temperature_c;
