@@ -7,21 +7,14 @@
 #include <utility>
 #include <vector>
 
+#include "core/residual/findings.h"
+
 namespace valvetriage {
 
 /// What a simulation gets wrong, why, and what knowing it gains: CONTRACT section 3, field for field. Figures that do
 /// not exist are NaN and become null.
 
 enum class Conclusion { kNone, kNamed, kAmbiguous, kUnexplained };
-
-/// One dependence of the residual.
-struct Finding {
-  std::string what;   ///< "depends on the sign of the input's change"
-  std::string where;  ///< segment, level, band or recording
-  double statistic = 0;
-  double p_value = 1;
-  double share_of_structured_residual = 0;
-};
 
 struct ParameterEstimate {
   double value = 0;

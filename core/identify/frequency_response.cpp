@@ -17,14 +17,14 @@ namespace {
 
 using Complex = std::complex<double>;
 
-constexpr double kHighestOfRate = 0.45;       // of the sampling rate: above it images weigh as much as the signal
-constexpr double kInvalidShare = 0.02;        // more than this is not a few repaired samples
+constexpr double kHighestOfRate = 0.45;        // of the sampling rate: above it images weigh as much as the signal
+constexpr double kInvalidShare = 0.02;         // more than this is not a few repaired samples
 constexpr double kLargestRelativeError = 0.5;  // a gain known no better is not known
-constexpr double kRepeatsWithin = 0.02;       // of its power: a period differs from the next by noise alone
-constexpr std::size_t kShortestPeriod = 16;   // samples
+constexpr double kRepeatsWithin = 0.02;        // of its power: a period differs from the next by noise alone
+constexpr std::size_t kShortestPeriod = 16;    // samples
 constexpr std::size_t kMostPeriodCandidates = 20;
-constexpr double kClippedShare = 0.002;       // of the samples; fewer bend nothing that shows
-constexpr std::size_t kClippedRun = 3;        // samples at the limit that count as held
+constexpr double kClippedShare = 0.002;  // of the samples; fewer bend nothing that shows
+constexpr std::size_t kClippedRun = 3;   // samples at the limit that count as held
 constexpr double kTailShare = 0.01;
 
 /// One repeat in time, cut to what can be transformed.
@@ -75,7 +75,8 @@ Hold hold_of(const Recording& recording) {
   std::size_t moving = 0, steps = 0;
   for (const Segment& segment : recording.segments) {
     if (segment.kind == SegmentKind::kStep) ++steps;
-    if (segment.kind == SegmentKind::kRamp || segment.kind == SegmentKind::kSweep) moving += segment.end - segment.begin;
+    if (segment.kind == SegmentKind::kRamp || segment.kind == SegmentKind::kSweep)
+      moving += segment.end - segment.begin;
   }
   return steps > 0 && moving < recording.samples() / 2 ? Hold::kHeld : Hold::kLinear;
 }
@@ -98,7 +99,8 @@ std::vector<std::uint8_t> clipped_samples(const Recording& recording) {
     std::size_t end = i + 1;
     while (end < y.size() && y[end] == y[i]) ++end;
     if ((y[i] == *low || y[i] == *high) && end - i >= kClippedRun) {
-      std::fill(clipped.begin() + static_cast<std::ptrdiff_t>(i), clipped.begin() + static_cast<std::ptrdiff_t>(end), 1);
+      std::fill(clipped.begin() + static_cast<std::ptrdiff_t>(i), clipped.begin() + static_cast<std::ptrdiff_t>(end),
+                1);
     }
     i = end;
   }
@@ -130,7 +132,8 @@ std::vector<double> local_frequency_hz(const Recording& recording) {
   return frequency;
 }
 
-/// The band a swept sine was in while the output was held at a limit; everything for other inputs; none where little is.
+/// The band a swept sine was in while the output was held at a limit; everything for other inputs; none where little
+/// is.
 std::optional<UnusableBand> clipped_band(std::span<const Recording* const> repeats) {
   constexpr double kBeside = 1.15;  // lines beside a tone see it too
   std::optional<UnusableBand> band;
@@ -208,20 +211,21 @@ const char* meaning_of(const std::string& reason) {
 
 tl::unexpected<Error> too_little(const FrequencyResponse& response, const Recording& recording) {
   if (response.unusable.empty()) {
-    return fail("too_short",
-                fmt::format("{} samples over {:.4g} s are too short for a frequency response: {}, at least {} are needed",
-                            recording.samples(), static_cast<double>(recording.samples()) * recording.sample_period_s,
-                            usable_text(response), kFewestResponsePoints));
+    return fail(
+        "too_short",
+        fmt::format("{} samples over {:.4g} s are too short for a frequency response: {}, at least {} are needed",
+                    recording.samples(), static_cast<double>(recording.samples()) * recording.sample_period_s,
+                    usable_text(response), kFewestResponsePoints));
   }
-  const auto widest = std::max_element(
-      response.unusable.begin(), response.unusable.end(),
-      [](const auto& a, const auto& b) { return a.to_hz - a.from_hz < b.to_hz - b.from_hz; });
+  const auto widest =
+      std::max_element(response.unusable.begin(), response.unusable.end(),
+                       [](const auto& a, const auto& b) { return a.to_hz - a.from_hz < b.to_hz - b.from_hz; });
   const auto clipped = std::find_if(response.unusable.begin(), response.unusable.end(),
                                     [](const auto& band) { return band.reason == "clipped"; });
   const UnusableBand& band = clipped != response.unusable.end() ? *clipped : *widest;
-  return fail(band.reason,
-              fmt::format("no frequency response: from {:.4g} to {:.4g} Hz {}; {}, at least {} are needed", band.from_hz,
-                          band.to_hz, meaning_of(band.reason), usable_text(response), kFewestResponsePoints));
+  return fail(band.reason, fmt::format("no frequency response: from {:.4g} to {:.4g} Hz {}; {}, at least {} are needed",
+                                       band.from_hz, band.to_hz, meaning_of(band.reason), usable_text(response),
+                                       kFewestResponsePoints));
 }
 
 Result<void> check_repeats(std::span<const Recording* const> repeats) {
@@ -231,9 +235,9 @@ Result<void> check_repeats(std::span<const Recording* const> repeats) {
       return fail("no_samples", fmt::format("{} has no output", recording->name));
     }
     if (std::abs(recording->sample_period_s / repeats.front()->sample_period_s - 1) > 1e-6) {
-      return fail("sample_time_differs", fmt::format("{} is sampled at {:.6g} Hz, {} at {:.6g} Hz", recording->name,
-                                                     recording->sample_rate_hz(), repeats.front()->name,
-                                                     repeats.front()->sample_rate_hz()));
+      return fail("sample_time_differs",
+                  fmt::format("{} is sampled at {:.6g} Hz, {} at {:.6g} Hz", recording->name,
+                              recording->sample_rate_hz(), repeats.front()->name, repeats.front()->sample_rate_hz()));
     }
   }
   return {};
@@ -262,8 +266,8 @@ void estimate(const std::vector<Stretch>& stretches, const FrequencyResponseOpti
     response.periods = static_cast<int>(shortest / period);
     const std::size_t samples = static_cast<std::size_t>(response.periods) * period;
     for (const Stretch& stretch : stretches) spectra.push_back(spectra_of(stretch, samples));
-    PeriodicEstimate periodic = estimate_by_periods(spectra, static_cast<std::size_t>(response.periods), highest_hz,
-                                                    options.points_per_decade);
+    PeriodicEstimate periodic =
+        estimate_by_periods(spectra, static_cast<std::size_t>(response.periods), highest_hz, options.points_per_decade);
     response.points = std::move(periodic.response.points);
     response.distortion = std::move(periodic.distortion);
     return;
@@ -325,7 +329,8 @@ Result<FrequencyResponse> estimate_frequency_response(std::span<const Recording*
     response.input_mean += share * std::accumulate(u.begin(), u.end(), 0.0) / static_cast<double>(u.size());
     response.input_amplitude += share * 0.5 * (quantile_of(u, 1 - kTailShare) - quantile_of(u, kTailShare));
   }
-  const bool empty = std::any_of(stretches.begin(), stretches.end(), [](const Stretch& s) { return s.input.size() < 4; });
+  const bool empty =
+      std::any_of(stretches.begin(), stretches.end(), [](const Stretch& s) { return s.input.size() < 4; });
   if (!empty) estimate(stretches, options, response);
   for (ResponsePoint& point : response.points) {
     const Complex factor = hold_factor(response.hold, point.frequency_hz, response.sample_period_s);
@@ -366,8 +371,9 @@ std::optional<AmplitudeDependence> compare_amplitudes(const FrequencyResponse& l
   AmplitudeDependence d{.amplitude_low = low.input_amplitude, .amplitude_high = high.input_amplitude};
   double change = 0, expected = 0, statistic = 0, freedom = 1e9;
   for (const ResponsePoint& point : low.points) {
-    const auto above = std::lower_bound(high.points.begin(), high.points.end(), point.frequency_hz,
-                                        [](const ResponsePoint& p, double f) { return p.frequency_hz < f * (1 - 1e-9); });
+    const auto above =
+        std::lower_bound(high.points.begin(), high.points.end(), point.frequency_hz,
+                         [](const ResponsePoint& p, double f) { return p.frequency_hz < f * (1 - 1e-9); });
     if (above == high.points.end()) break;
     ResponsePoint other = *above;
     if (above->frequency_hz > point.frequency_hz * (1 + 1e-9)) {

@@ -153,9 +153,8 @@ std::vector<ResponsePoint> points_of(const Window& window, std::span<const Recor
 
 ResponseEstimate estimate_by_local_polynomials(std::span<const RecordSpectra> records, double highest_hz,
                                                int points_per_decade) {
-  const auto shortest = std::max_element(records.begin(), records.end(), [](const auto& a, const auto& b) {
-    return a.line_hz < b.line_hz;
-  });
+  const auto shortest = std::max_element(records.begin(), records.end(),
+                                         [](const auto& a, const auto& b) { return a.line_hz < b.line_hz; });
   const std::vector<Window> windows = windows_of(*shortest, highest_hz, points_per_decade);
   std::vector<double> powers;
   for (const Window& window : windows) powers.push_back(input_power(window, records));

@@ -36,8 +36,8 @@ Background background_at(const std::vector<Complex>& output, std::size_t line, s
   Eigen::MatrixXd columns(n, 3);
   Eigen::VectorXcd values(n);
   for (Index i = 0; i < n; ++i) {
-    const double x =
-        (static_cast<double>(lines[static_cast<std::size_t>(i)]) - static_cast<double>(line)) / static_cast<double>(reach);
+    const double x = (static_cast<double>(lines[static_cast<std::size_t>(i)]) - static_cast<double>(line)) /
+                     static_cast<double>(reach);
     columns.row(i) << 1, x, x * x;
     values(i) = output[lines[static_cast<std::size_t>(i)]];
   }

@@ -19,20 +19,20 @@ using Complex = std::complex<double>;
 using Eigen::Index;
 
 constexpr double kTwoPi = 2 * std::numbers::pi;
-constexpr double kRelativeFloor = 1e-4;    // no stand's gain is known better than that
-constexpr double kFewImagesBelow = 0.15;   // of the sampling rate: there the images are a few percent
+constexpr double kRelativeFloor = 1e-4;   // no stand's gain is known better than that
+constexpr double kFewImagesBelow = 0.15;  // of the sampling rate: there the images are a few percent
 constexpr int kFewImages = 2, kManyImages = 8;
-constexpr double kPoleReach = 100;         // poles lie within this factor of the band
+constexpr double kPoleReach = 100;  // poles lie within this factor of the band
 constexpr double kLeastDamping = 1e-4;
-constexpr double kLargestStep = 1.0;       // e-folds of a pole's coefficient in one iteration
-constexpr double kConverged = 1e-8;        // relative change of the misfit
-constexpr int kScreenIterations = 8;       // after which one start is enough to tell
+constexpr double kLargestStep = 1.0;  // e-folds of a pole's coefficient in one iteration
+constexpr double kConverged = 1e-8;   // relative change of the misfit
+constexpr int kScreenIterations = 8;  // after which one start is enough to tell
 constexpr std::array<double, 5> kDelayShares{0, 0.2, 0.4, 0.6, 0.9};  // of all the phase
 constexpr int kVectorFittingIterations = 6;
 constexpr std::array<double, 4> kDelayMoves{-0.1, 0.05, 0.1, 0.2};
-constexpr std::size_t kScreened = 4;       // starts that are refined before the best is taken
-constexpr int kRounds = 4;                 // of ways out of a local minimum
-constexpr double kWorthARound = 1e-4;      // of the misfit
+constexpr std::size_t kScreened = 4;   // starts that are refined before the best is taken
+constexpr int kRounds = 4;             // of ways out of a local minimum
+constexpr double kWorthARound = 1e-4;  // of the misfit
 constexpr std::array<double, 5> kSpreadShares{0.1, 0.3, 0.5, 0.7, 0.9};  // of the band, logarithmic
 
 /// s² + a1 s + a0 with a1 = e^log_a1, a0 = e^log_a0; or s + a0 where `single`.

@@ -9,12 +9,12 @@
 namespace valvetriage {
 
 struct RationalFitOptions {
-  int order = 2;                    ///< poles, 1 to kMaxIdentifiedOrder
-  int zeros = 1;                    ///< 0 to order
-  bool fit_delay = true;            ///< else 0
-  int max_iterations = 60;          ///< of the refinement
+  int order = 2;                           ///< poles, 1 to kMaxIdentifiedOrder
+  int zeros = 1;                           ///< 0 to order
+  bool fit_delay = true;                   ///< else 0
+  int max_iterations = 60;                 ///< of the refinement
   std::vector<TransferFunction> starts{};  ///< further starting points: their poles and delay
-  bool only_given_starts = false;   ///< no search of its own: refits from a near optimum
+  bool only_given_starts = false;          ///< no search of its own: refits from a near optimum
 };
 
 /// A rational transfer function fitted to a complex response.
@@ -22,7 +22,7 @@ struct RationalFitOptions {
 /// Errors of roots are √E|δ root|², rad/s; infinite where a root repeats. Errors are scaled by the misfit where it is
 /// larger than the noise explains.
 struct RationalFit {
-  TransferFunction transfer_function;  ///< s domain
+  TransferFunction transfer_function;                    ///< s domain
   std::vector<double> pole_std_errors, zero_std_errors;  ///< in the order of the roots [rad/s]
   double static_gain = 0, static_gain_std_error = 0;
   double delay_std_error_s = 0;

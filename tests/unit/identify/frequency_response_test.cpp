@@ -34,7 +34,9 @@ Deviation deviation(const FrequencyResponse& response, const TransferFunction& g
   return worst;
 }
 
-TransferFunction valve() { return plant_s(470, {2.4}, {{25, 0.75}}, {}, 0.004); }
+TransferFunction valve() {
+  return plant_s(470, {2.4}, {{25, 0.75}}, {}, 0.004);
+}
 
 /// A multisine on odd lines, every fourth of them empty.
 std::vector<double> odd_multisine(std::size_t period, std::size_t periods, double line_hz, double to_hz, double rms) {
@@ -102,8 +104,7 @@ TEST(FrequencyResponse, StaysWithinItsOwnStandardErrors) {
   double squares = 0;
   std::size_t points = 0;
   for (std::uint32_t seed = 1; seed <= 5; ++seed) {
-    const auto response =
-        estimate(recording_of(g, swept_sine(24000, kRateHz, 0.2, 20, 0.1), kRateHz, 0.35, seed));
+    const auto response = estimate(recording_of(g, swept_sine(24000, kRateHz, 0.2, 20, 0.1), kRateHz, 0.35, seed));
     ASSERT_TRUE(response);
     for (const ResponsePoint& p : response->points) {
       const auto truth = frequency_response(g, std::span(&p.frequency_hz, 1))[0];
@@ -117,8 +118,7 @@ TEST(FrequencyResponse, StaysWithinItsOwnStandardErrors) {
 
 TEST(FrequencyResponse, OfAMultisineIsThePlantsOwnWithNoDistortion) {
   const auto g = valve();
-  const auto response =
-      estimate(recording_of(g, odd_multisine(1000, 5, 0.2, 15, 0.05), kRateHz, 0.1));
+  const auto response = estimate(recording_of(g, odd_multisine(1000, 5, 0.2, 15, 0.05), kRateHz, 0.1));
   ASSERT_TRUE(response) << response.error().message;
   EXPECT_EQ(response->method, ResponseMethod::kPeriods);
   EXPECT_EQ(response->periods, 5);
@@ -188,7 +188,8 @@ TEST(FrequencyResponse, OfRepeatsHasASmallerErrorThanOfOne) {
   ASSERT_EQ(four->repeats, 4);
   const auto middle = [](const FrequencyResponse& r) {
     double sum = 0;
-    for (const ResponsePoint& p : r.points) sum += p.std_error / std::abs(p.gain) / static_cast<double>(r.points.size());
+    for (const ResponsePoint& p : r.points)
+      sum += p.std_error / std::abs(p.gain) / static_cast<double>(r.points.size());
     return sum;
   };
   EXPECT_NEAR(middle(*one) / middle(*four), 2, 0.6);  // √4, both from few freedoms

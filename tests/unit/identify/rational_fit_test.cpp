@@ -89,9 +89,8 @@ TEST(RationalFit, OfAResponseWithoutNoiseIsThePlant) {
   EXPECT_NEAR(g.delay_s, truth.delay_s, 1e-7);
   EXPECT_NEAR(fit.static_gain, 470, 1e-4);
   for (const auto& pole : truth.poles) {
-    const auto nearest = std::min_element(g.poles.begin(), g.poles.end(), [&](auto a, auto b) {
-      return std::abs(a - pole) < std::abs(b - pole);
-    });
+    const auto nearest = std::min_element(g.poles.begin(), g.poles.end(),
+                                          [&](auto a, auto b) { return std::abs(a - pole) < std::abs(b - pole); });
     EXPECT_LT(std::abs(*nearest - pole), 1e-5 * std::abs(pole));
   }
   EXPECT_NEAR(g.gain / truth.gain, 1, 1e-5);

@@ -18,8 +18,7 @@ Model valve() {
   model.loop = MagneticLoop{.width_a = 0.004};
   model.dynamics = to_transfer_function({.delay_s = 0.004, .natural_frequency_rad_s = 200, .damping_ratio = 0.8});
   model.map = StaticMap{.input = {1.0, 1.2, 1.4, 1.6, 1.8, 2.0}, .output = {0.84, 3.1, 26, 120, 160, 210}};
-  model.volume =
-      OrificeVolume{.time_constant_s = 0.06, .exponent = 0.55, .supply_psi = 300, .reference_psi = 105};
+  model.volume = OrificeVolume{.time_constant_s = 0.06, .exponent = 0.55, .supply_psi = 300, .reference_psi = 105};
   return model;
 }
 
