@@ -1,9 +1,7 @@
-#include <fmt/format.h>
-
 #include <map>
 #include <memory>
 
-#include "core/analysis/test_plan.h"
+#include "core/model/test_plan.h"
 #include "server/commands/commands.h"
 #include "server/commands/documents.h"
 
@@ -39,16 +37,6 @@ Result<StaticMap> steady_map(const std::string& reference_file) {
   return *reference->model.map;
 }
 
-std::string rows_of(const std::vector<double>& current_a, double sample_rate_hz) {
-  fmt::memory_buffer text;
-  const auto out = fmt::appender(text);
-  fmt::format_to(out, "time_s,current_A\n");
-  for (std::size_t i = 0; i < current_a.size(); ++i) {
-    fmt::format_to(out, "{:.15g},{:.9g}\n", static_cast<double>(i) / sample_rate_hz, current_a[i]);
-  }
-  return fmt::to_string(text);
-}
-
 ExitStatus run(const PlanArguments& arguments) {
   const auto map = steady_map(arguments.reference);
   if (!map) return ended_by(map.error());
@@ -57,7 +45,7 @@ ExitStatus run(const PlanArguments& arguments) {
   if (plan.levels_psi.empty()) plan.levels_psi = default_levels(plan.test, *map);
   const auto current = plan_current(plan, *map);
   if (!current) return ended_by(current.error());
-  const auto written = write_output(arguments.output, rows_of(*current, plan.sample_rate_hz));
+  const auto written = write_output(arguments.output, plan_csv(*current, plan.sample_rate_hz));
   return written ? kDone : ended_by(written.error());
 }
 

@@ -1,4 +1,4 @@
-#include "core/analysis/test_plan.h"
+#include "core/model/test_plan.h"
 
 #include <fmt/format.h>
 
@@ -125,6 +125,16 @@ double planned_samples(const TestPlan& plan) {
 }
 
 }  // namespace
+
+std::string plan_csv(std::span<const double> input, double sample_rate_hz, bool is_current) {
+  fmt::memory_buffer text;
+  const auto out = fmt::appender(text);
+  fmt::format_to(out, "time_s,{}\n", is_current ? "current_A" : "input");
+  for (std::size_t i = 0; i < input.size(); ++i) {
+    fmt::format_to(out, "{:.15g},{:.9g}\n", static_cast<double>(i) / sample_rate_hz, input[i]);
+  }
+  return fmt::to_string(text);
+}
 
 StaticMap paper_steady_map() {
   return {.input = {1.2, 1.4, 1.6, 1.8, 2.0}, .output = {3.1, 26, 120, 160, 210}};

@@ -1,4 +1,4 @@
-#include "core/analysis/test_plan.h"
+#include "core/model/test_plan.h"
 
 #include <gtest/gtest.h>
 

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "core/model/static_map.h"
@@ -38,6 +39,10 @@ struct TestPlan {
 /// Errors      `level_out_of_range` outside the map, `bad_plan` with the option that is wrong, `too_large`
 /// Cost        O(n), the multisine O(n · lines)
 Result<std::vector<double>> plan_current(const TestPlan& plan, const StaticMap& steady_map);
+
+/// A planned input as the stand takes it: `time_s,current_A` (or `time_s,input` for a machine without units), one row
+/// per sample.
+std::string plan_csv(std::span<const double> input, double sample_rate_hz, bool is_current = true);
 
 /// The steady map of the paper's Fig 2: 1.2 A to 3.1 psi, 1.4 to 26, 1.6 to 120, 1.8 to 160, 2.0 to 210.
 StaticMap paper_steady_map();

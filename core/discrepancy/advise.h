@@ -1,0 +1,50 @@
+#pragma once
+
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "core/discrepancy/discrepancy.h"
+#include "core/model/model.h"
+
+namespace valvetriage {
+
+/// One explanation that the data leave open.
+struct Alternative {
+  std::string cause;  ///< as a candidate's: a cause, a pair "friction+leakage", "none"
+  double probability = 0;
+  Model model;  ///< with this cause in it, its baseline refitted
+  /// Standard errors of the mechanisms' parameters, one mechanism after the other; empty: known.
+  std::vector<double> parameter_sd;
+};
+
+struct AdviceOptions {
+  double noise_rms = 0;  ///< of white noise that tells as much as the stand's, unit of the output
+  double bias_rms = 0;   ///< of what a right model leaves beside noise; it does not average out with more samples
+  double input_low = 0, input_high = 0;  ///< what the stand may play, unit of the input
+  double sample_rate_hz = 200;
+};
+
+/// The test of the stand's repertoire that is expected to tell the alternatives apart best: steps, staircase, triangles
+/// and sweeps of several amplitudes and speeds, a multisine, long holds.
+///
+/// Every alternative is simulated on every test. The distance of two is
+///
+///   d² = Δᵀ (σ² I + Σ_k g_k g_kᵀ)⁻¹ Δ,   Δ = y_i − y_j
+///
+/// where the g_k are what a refit may still move: offset, gain, timing (output's rate) and curvature of the baseline,
+/// without limit, and each alternative's parameters by their standard errors. From d the chance that the true one
+/// reaches a posterior of 0.95 against a rival is Φ((d²/2 − ln(19 p_j / p_i)) / d); an alternative is settled if all
+/// its rivals are beaten (union bound), and a test's worth is the mean over the alternatives by their probabilities.
+/// Among equals (within 0.01) the shortest test is taken.
+///
+/// Only the most probable eight alternatives are compared; `none` is one of them where given. A law on a side channel
+/// is left out of the simulations: the channel of a future test is not known.
+///
+/// returns  empty for fewer than two alternatives, a range without width, or where no test is expected to settle
+///          anything with a probability of 0.05
+/// Cost     tests × alternatives × (1 + parameters) simulations of 1,000 to 8,000 samples; deterministic
+std::optional<NextTest> advise_next_test(std::span<const Alternative> alternatives, const AdviceOptions& options);
+
+}  // namespace valvetriage

@@ -1,0 +1,98 @@
+#include "core/discrepancy/advise.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "core/model/valve_dynamics.h"
+
+namespace valvetriage {
+namespace {
+
+Model valve() {
+  Model model;
+  model.kind = "valve";
+  model.input_unit = "A";
+  model.output_unit = "psi";
+  model.loop = MagneticLoop{.width_a = 0.004};
+  model.dynamics = to_transfer_function({.delay_s = 0.004, .natural_frequency_rad_s = 200, .damping_ratio = 0.8});
+  model.map = StaticMap{.input = {1.0, 1.2, 1.4, 1.6, 1.8, 2.0}, .output = {0.84, 3.1, 26, 120, 160, 210}};
+  model.volume = OrificeVolume{.time_constant_s = 0.06, .exponent = 0.55, .supply_psi = 300, .reference_psi = 105};
+  return model;
+}
+
+Alternative alternative(const std::string& cause, const std::vector<double>& parameters, double probability,
+                        const std::vector<double>& sd = {}) {
+  Alternative a{.cause = cause, .probability = probability, .model = valve(), .parameter_sd = sd};
+  if (cause != "none") a.model.mechanisms.push_back({cause, parameters, ""});
+  return a;
+}
+
+constexpr AdviceOptions kStand{.noise_rms = 0.35, .input_low = 1.0, .input_high = 2.0};
+
+TEST(Advise, ALoopAndALagAreToldApartByAnotherRate) {
+  const std::vector<Alternative> open{alternative("hysteresis", {0.02}, 0.5, {0.002}),
+                                      alternative("extra_lag", {0.05}, 0.5, {0.01})};
+  const auto next = advise_next_test(open, kStand);
+  ASSERT_TRUE(next.has_value());
+  EXPECT_GT(next->expected_probability, 0.95);
+  EXPECT_EQ(next->separates, (std::vector<std::string>{"extra_lag", "hysteresis"}));
+  EXPECT_NE(next->why.find("noise deviations"), std::string::npos);
+}
+
+TEST(Advise, TheInputIsReadyForTheStand) {
+  const std::vector<Alternative> open{alternative("friction", {0.02, 0.01}, 0.6), alternative("leakage", {0.05}, 0.4)};
+  const auto next = advise_next_test(open, kStand);
+  ASSERT_TRUE(next.has_value());
+  EXPECT_EQ(next->input_csv.substr(0, 17), "time_s,current_A\n");
+  EXPECT_GT(std::count(next->input_csv.begin(), next->input_csv.end(), '\n'), 200);
+}
+
+TEST(Advise, ADeadBandThatLiesHighIsLookedForWhereItIs) {
+  const std::vector<Alternative> open{alternative("dead_band", {1.9, 0.03}, 0.5), alternative("none", {}, 0.5)};
+  const auto next = advise_next_test(open, kStand);
+  ASSERT_TRUE(next.has_value());
+  EXPECT_GT(next->expected_probability, 0.9);
+  EXPECT_NE(next->test.find("2"), std::string::npos) << next->test;  // a test that reaches the top of the range
+}
+
+TEST(Advise, WhatNoTestCanTellIsNotAskedFor) {
+  const std::vector<Alternative> same{alternative("sensor_offset", {2}, 0.5), alternative("none", {}, 0.5)};
+  EXPECT_FALSE(advise_next_test(same, kStand).has_value());  // an offset is the baseline's own freedom
+}
+
+TEST(Advise, NoAlternativeNoTest) {
+  EXPECT_FALSE(advise_next_test({}, kStand).has_value());
+  const std::vector<Alternative> one{alternative("leakage", {0.05}, 1)};
+  EXPECT_FALSE(advise_next_test(one, kStand).has_value());
+}
+
+TEST(Advise, MoreNoiseTellsLess) {
+  const std::vector<Alternative> open{alternative("backlash", {0.0025}, 0.5),
+                                      alternative("friction", {0.0025, 0.001}, 0.5)};
+  AdviceOptions loud = kStand;
+  loud.noise_rms = 8;
+  const auto quiet = advise_next_test(open, kStand), drowned = advise_next_test(open, loud);
+  ASSERT_TRUE(quiet.has_value());
+  EXPECT_GT(quiet->expected_probability, (drowned ? drowned->expected_probability : 0) + 0.1);
+}
+
+TEST(Advise, AParameterThatMayStillMoveTellsLessThanAKnownOne) {
+  const std::vector<Alternative> known{alternative("leakage", {0.01}, 0.5), alternative("orifice_flow", {0.004}, 0.5)};
+  const std::vector<Alternative> loose{alternative("leakage", {0.01}, 0.5, {0.05}),
+                                       alternative("orifice_flow", {0.004}, 0.5, {0.05})};
+  const auto sure = advise_next_test(known, kStand), unsure = advise_next_test(loose, kStand);
+  EXPECT_GE(sure ? sure->expected_probability : 0, unsure ? unsure->expected_probability : 0);
+}
+
+TEST(Advise, IsTheSameEveryTime) {
+  const std::vector<Alternative> open{alternative("backlash", {0.01}, 0.5),
+                                      alternative("friction", {0.01, 0.006}, 0.5)};
+  const auto a = advise_next_test(open, kStand), b = advise_next_test(open, kStand);
+  ASSERT_TRUE(a && b);
+  EXPECT_EQ(a->why, b->why);
+  EXPECT_EQ(a->input_csv, b->input_csv);
+}
+
+}  // namespace
+}  // namespace valvetriage
