@@ -71,13 +71,8 @@ ValvePrior prior_of(const Reference& reference) {
   ValvePrior prior{.mean = Eigen::VectorXd(p)};
   for (Eigen::Index j = 0; j < parameters; ++j) prior.mean(j) = reference.parameters[static_cast<std::size_t>(j)].mean;
   prior.mean.tail(p - parameters) = Eigen::Map<const Eigen::VectorXd>(knots.data(), p - parameters);
-  // A Student t with few degrees of freedom is wider than its scale: the normal prior takes its variance where that
-  // exists, and the uncertainty of a mean over n valves on top.
-  const double n = reference.valves;
-  const double dof = reference.prior_degrees_of_freedom;
-  const double widen = (dof > 2 ? dof / (dof - 2) : 10.0) * (1 + 1 / n);
-  prior.covariance = widen * Eigen::Map<const Eigen::MatrixXd>(reference.covariance.data(), p, p);
-  return prior;
+  return population_prior(prior.mean, Eigen::Map<const Eigen::MatrixXd>(reference.covariance.data(), p, p),
+                          reference.valves);
 }
 
 /// Samples whose input the reference never saw take no part in the fit and are reported.

@@ -7,8 +7,11 @@
 #include <boost/math/distributions/students_t.hpp>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <set>
 
+#include "core/analysis/population_covariance.h"
+#include "core/discrepancy/valve_diagnosis.h"
 #include "core/identify/valve_fit.h"
 #include "core/residual/noise_floor.h"
 #include "core/residual/step_response.h"
@@ -116,22 +119,10 @@ void point_out_outliers(std::vector<Member>& members) {
   }
 }
 
-/// Covariance over the members, shrunk towards its diagonal: n valves give n − 1 directions, the rest is not zero but
-/// unknown. Each fit's own uncertainty, which inflates the sample covariance, stays in it: it is the prior of a fit.
-MatrixXd shrunk_covariance(const std::vector<const Member*>& members, const VectorXd& mean) {
-  const double n = static_cast<double>(members.size());
-  MatrixXd covariance = MatrixXd::Zero(mean.size(), mean.size());
-  for (const Member* member : members) {
-    const VectorXd d = member->vector - mean;
-    covariance += d * d.transpose() / (n - 1);
-  }
-  const double keep = 1 - 1 / n - 1 / std::sqrt(n * static_cast<double>(mean.size()));
-  const VectorXd diagonal = covariance.diagonal();
-  covariance *= std::max(keep, 0.0);
-  // No parameter is known exactly from a handful of valves: a floor of 1 % of the mean variance of its kind.
-  const double floor = 1e-6 * std::max(diagonal.mean(), 1e-12);
-  covariance.diagonal() = diagonal.array().max(floor);
-  return covariance;
+MatrixXd covariance_of(const std::vector<const Member*>& members, const std::vector<double>& knots) {
+  MatrixXd vectors(members.front()->vector.size(), static_cast<Index>(members.size()));
+  for (std::size_t i = 0; i < members.size(); ++i) vectors.col(static_cast<Index>(i)) = members[i]->vector;
+  return population_covariance(vectors, kParameters, knots);
 }
 
 Model model_of(const VectorXd& vector, const ValveFitOptions& options) {
@@ -212,6 +203,33 @@ Result<std::vector<LevelPopulation>> level_populations(const std::vector<Member>
   return levels;
 }
 
+/// What the engine sees in good valves, each against the population of the others: the scale of every later test.
+Result<void> survey_members(const std::vector<Member>& members, ValveFitOptions options, Reference& reference) {
+  std::map<std::string, Running> evidence, size, leftover;
+  const auto used = used_members(members);
+  for (const Member* member : used) {
+    const auto others = used_members(members, member);
+    const VectorXd mean = mean_of(others);
+    options.prior = population_prior(mean, covariance_of(others, options.knots), static_cast<double>(others.size()));
+    options.start.reset();
+    const auto fit = fit_valve(member->valve->recordings, options);
+    if (!fit) return tl::unexpected(fit.error());
+    const GoodValveSurvey seen = survey_good_valve(member->valve->recordings, *fit, options);
+    for (const auto& cause : seen.causes) {
+      evidence[cause.cause].add(cause.evidence);
+      size[cause.cause].add(cause.size);
+    }
+    for (const auto& [group, log_ratio] : seen.leftovers) leftover[group].add(log_ratio);
+  }
+  for (const auto& [cause, values] : evidence) {
+    // A cause that did not show in some valves had no evidence there.
+    const double mean = values.mean * values.n / static_cast<double>(used.size());
+    reference.causes.push_back({cause, mean, size[cause].mean, size[cause].sd()});
+  }
+  for (const auto& [group, values] : leftover) reference.leftovers.push_back({group, values.mean, values.sd()});
+  return {};
+}
+
 std::vector<PopulationParameter> describe(const VectorXd& mean, const MatrixXd& covariance) {
   std::vector<PopulationParameter> parameters;
   for (Index j = 0; j < kParameters; ++j) {
@@ -290,7 +308,7 @@ Result<Reference> learn_reference(std::span<const ValveRecordings> valves, const
   point_out_outliers(members);
   const auto used = used_members(members);
   const VectorXd mean = mean_of(used);
-  const MatrixXd covariance = shrunk_covariance(used, mean);
+  const MatrixXd covariance = covariance_of(used, options->knots);
 
   Reference reference;
   reference.valve_type = valve_type;
@@ -309,6 +327,9 @@ Result<Reference> learn_reference(std::span<const ValveRecordings> valves, const
   auto levels = level_populations(members, *options, reference.window);
   if (!levels) return tl::unexpected(levels.error());
   reference.levels = std::move(*levels);
+  if (const auto surveyed = survey_members(members, *options, reference); !surveyed) {
+    return tl::unexpected(surveyed.error());
+  }
   return reference;
 }
 

@@ -19,48 +19,6 @@ using Eigen::VectorXd;
 
 constexpr double kKnotSpacing_a = 0.025;
 
-struct Descent {
-  VectorXd v;
-  double cost = std::numeric_limits<double>::infinity();
-  int iterations = 0;
-  FitTermination termination = FitTermination::kIterationLimit;
-};
-
-/// Levenberg-Marquardt with Marquardt's scaling.
-Descent descend(const ValveFitProblem& problem, VectorXd v, int most_iterations) {
-  constexpr double kSmallestGain = 1e-7;  // relative decrease of the cost that moves no parameter noticeably
-  constexpr int kMostAttempts = 8;
-  Descent descent{.v = std::move(v)};
-  descent.cost = problem.cost(descent.v);
-  double damping = 1e-3;
-  for (; descent.iterations < most_iterations; ++descent.iterations) {
-    const ValveFitProblem::Normal normal = problem.linearise(descent.v);
-    const double before = descent.cost;
-    for (int attempt = 0; attempt < kMostAttempts && descent.cost == before; ++attempt) {
-      MatrixXd a = normal.a;
-      a.diagonal() *= 1 + damping;
-      const VectorXd tried = problem.clamped(descent.v + a.ldlt().solve(normal.b));
-      const double cost = problem.cost(tried);
-      if (std::isfinite(cost) && cost < before) {
-        descent.v = tried;
-        descent.cost = cost;
-        damping = std::max(damping / 5, 1e-9);
-      } else {
-        damping *= 8;
-      }
-    }
-    if (descent.cost == before) {
-      descent.termination = FitTermination::kNoDescent;
-      return descent;
-    }
-    if (before - descent.cost < kSmallestGain * before) {
-      descent.termination = FitTermination::kConverged;
-      return descent;
-    }
-  }
-  return descent;
-}
-
 /// Where the search begins: the population's mean, a given point, or a fan of speeds.
 std::vector<ValveParameters> starting_points(const ValveFitOptions& options, std::span<const Recording> recordings) {
   if (options.prior) return {to_parameters(options.prior->mean, options.reference_psi)};
@@ -80,7 +38,7 @@ std::vector<ValveParameters> starting_points(const ValveFitOptions& options, std
 Descent best_descent(const ValveFitProblem& problem, const std::vector<ValveParameters>& fan, int most_iterations) {
   // Every start gets a few steps, the best of them the rest.
   constexpr int kScoutIterations = 5;
-  Descent best;
+  Descent best{.cost = std::numeric_limits<double>::infinity()};
   for (const ValveParameters& start : fan) {
     Descent found = descend(problem, problem.start_vector(start), fan.size() > 1 ? kScoutIterations : most_iterations);
     if (found.cost < best.cost) best = std::move(found);
@@ -116,6 +74,44 @@ void make_monotone(VectorXd& v, const MatrixXd& covariance, Index parameters, In
 }
 
 }  // namespace
+
+Descent descend(const ValveFitProblem& problem, VectorXd v, int most_iterations) {
+  constexpr double kSmallestGain = 1e-7;  // relative decrease of the cost that moves no parameter noticeably
+  constexpr int kMostAttempts = 8;
+  Descent descent{.v = std::move(v)};
+  descent.cost = problem.cost(descent.v);
+  double damping = 1e-3;
+  for (; descent.iterations < most_iterations; ++descent.iterations) {
+    const ValveFitProblem::Normal normal = problem.linearise(descent.v);
+    const double before = descent.cost;
+    for (int attempt = 0; attempt < kMostAttempts && descent.cost == before; ++attempt) {
+      MatrixXd a = normal.a;
+      a.diagonal() *= 1 + damping;
+      const VectorXd tried = problem.clamped(descent.v + a.ldlt().solve(normal.b));
+      const double cost = problem.cost(tried);
+      if (std::isfinite(cost) && cost < before) {
+        descent.v = tried;
+        descent.cost = cost;
+        damping = std::max(damping / 5, 1e-9);
+      } else {
+        damping *= 8;
+      }
+    }
+    if (descent.cost == before) {
+      descent.termination = FitTermination::kNoDescent;
+      return descent;
+    }
+    if (before - descent.cost < kSmallestGain * before) {
+      descent.termination = FitTermination::kConverged;
+      return descent;
+    }
+  }
+  return descent;
+}
+
+ValvePrior population_prior(VectorXd mean, MatrixXd covariance, double valves) {
+  return {std::move(mean), (1 + 1 / valves) * covariance};
+}
 
 VectorXd to_vector(const ValveParameters& parameters) {
   VectorXd v(static_cast<Index>(kValveParameters.size()));
@@ -169,9 +165,10 @@ Result<ValveFit> fit_valve(std::span<const Recording> recordings, const ValveFit
   fit.termination = best.termination;
   fit.iterations = best.iterations;
   const MatrixXd inverse = problem.linearise(best.v).a.ldlt().solve(MatrixXd::Identity(problem.size(), problem.size()));
-  fit.covariance = inverse.topLeftCorner(problem.shared(), problem.shared());
+  fit.covariance = inverse.topLeftCorner(problem.baseline_size(), problem.baseline_size());
   make_monotone(best.v, fit.covariance, ValveFitProblem::kParameters, problem.knots());
   fit.parameters = to_parameters(best.v.head(ValveFitProblem::kParameters), options.reference_psi);
+  fit.vector = best.v;
   const VectorXd knots = best.v.segment(ValveFitProblem::kParameters, problem.knots());
   fit.map = {options.knots, std::vector<double>(knots.data(), knots.data() + knots.size())};
 

@@ -7,6 +7,7 @@
 #include <string_view>
 #include <vector>
 
+#include "core/mechanisms/mechanism.h"
 #include "core/model/model.h"
 #include "core/model/valve_dynamics.h"
 #include "core/recording/recording.h"
@@ -47,11 +48,27 @@ struct ValvePrior {
   Eigen::MatrixXd covariance;  ///< p × p, positive definite
 };
 
+/// The prior for a new valve from n good ones: their covariance, and the uncertainty of a mean over n on top.
+ValvePrior population_prior(Eigen::VectorXd mean, Eigen::MatrixXd covariance, double valves);
+
+/// A physical cause that takes part in a fit: its law, bounds and starting point, and where it acts.
+struct LawInFit {
+  const Mechanism* law = nullptr;
+  std::vector<double> start, lower, upper, step;  ///< one per parameter of the law
+  std::optional<std::size_t> recording;           ///< acts in this recording alone
+  std::optional<std::size_t> channel;             ///< the side channel it looks at
+
+  /// Parameters that all recordings share, and those that each has its own of.
+  std::size_t own() const { return law->own_per_recording; }
+  std::size_t shared() const { return law->parameters.size() - own(); }
+};
+
 struct ValveFitOptions {
   std::vector<double> knots;             ///< inputs of the map's knots, strictly increasing, 0.025 A apart or finer [A]
   double reference_psi = 0;              ///< where the volume's time constant holds; one number per valve type [psi]
   std::optional<ValvePrior> prior;       ///< the population; empty: physics' own wide preferences and a smooth map
   std::optional<ValveParameters> start;  ///< instead of the fan of starting points
+  std::vector<LawInFit> laws;            ///< fitted together with the valve
   int most_iterations = 40;
 };
 
@@ -64,6 +81,7 @@ struct ValveFit {
   Eigen::MatrixXd covariance;                  ///< p × p over [parameters | knot outputs], from the measured noise
   std::vector<std::vector<double>> simulated;  ///< free run on each recording's grid, from its estimated initial state
   double rmse = 0;                             ///< over all valid samples [psi]
+  Eigen::VectorXd vector;                      ///< everything fitted, in the order of ValveFitProblem
   FitTermination termination = FitTermination::kConverged;
   int iterations = 0;
 };

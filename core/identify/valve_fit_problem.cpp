@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
+#include "core/mechanisms/simulate_extended.h"
 #include "core/residual/noise_floor.h"
 
 namespace valvetriage {
@@ -38,19 +40,49 @@ Between locate(const std::vector<double>& knots, double x) {
   return {left, (x - knots[static_cast<std::size_t>(left)]) / spacing};
 }
 
+// Rows of a linearisation beyond this many say nothing new; thinning them bounds memory and time.
+constexpr std::size_t kMostRows = 60000;
+
 }  // namespace
 
 ValveFitProblem::ValveFitProblem(std::span<const Recording> recordings, const ValveFitOptions& options)
     : options_(options), knots_(static_cast<Index>(options.knots.size())) {
+  std::size_t samples = 0;
   for (const Recording& recording : recordings) {
     Prepared prepared{.recording = &recording, .input = input_between_samples(recording)};
-    prepared.driver = loop_driver(prepared.input);
     const double noise = noise_floor(recording).rms;
     prepared.inverse_variance = noise > 0 ? 1.0 / (noise * noise) : 1.0;
+    for (std::size_t i = 0; i < recording.samples(); ++i) {
+      prepared.time_s.push_back(static_cast<double>(i) * recording.sample_period_s);
+      prepared.ends_s.push_back(prepared.time_s.back());
+      prepared.ends_s.push_back(prepared.time_s.back() + recording.sample_period_s);
+    }
+    prepared.ends_driver = interleaved_driver(prepared.input);
+    samples += recording.samples();
     prepared_.push_back(std::move(prepared));
   }
+  stride_ = 1 + samples / kMostRows;
   set_bounds();
+  place_laws();
   set_preferences();
+}
+
+ValveFitProblem::ValveFitProblem(const ValveFitProblem& other, const ValveFitOptions& options)
+    : options_(options), prepared_(other.prepared_), knots_(other.knots_), stride_(other.stride_) {
+  set_bounds();
+  place_laws();
+  set_preferences();
+}
+
+void ValveFitProblem::place_laws() {
+  Index own = kStarts;
+  for (const LawInFit& law : options_.laws) {
+    law_at_.push_back(baseline_size() + law_parameters_);
+    law_parameters_ += static_cast<Index>(law.shared());
+    law_own_at_.push_back(own);
+    own += static_cast<Index>(law.own());
+  }
+  own_ = own;
 }
 
 void ValveFitProblem::set_bounds() {
@@ -83,11 +115,11 @@ void ValveFitProblem::set_bounds() {
 void ValveFitProblem::set_preferences() {
   if (options_.prior) {
     mean_ = options_.prior->mean;
-    precision_ = options_.prior->covariance.ldlt().solve(MatrixXd::Identity(shared(), shared()));
+    precision_ = options_.prior->covariance.ldlt().solve(MatrixXd::Identity(baseline_size(), baseline_size()));
     return;
   }
-  mean_ = VectorXd::Zero(shared());
-  precision_ = MatrixXd::Zero(shared(), shared());
+  mean_ = VectorXd::Zero(baseline_size());
+  precision_ = MatrixXd::Zero(baseline_size(), baseline_size());
   const auto prefer = [&](Index j, double mean, double sd) {
     mean_(j) = mean;
     precision_(j, j) = 1 / (sd * sd);
@@ -107,9 +139,21 @@ void ValveFitProblem::set_preferences() {
 
 VectorXd ValveFitProblem::clamped(VectorXd v) const {
   v.head(kParameters) = v.head(kParameters).cwiseMax(lower_).cwiseMin(upper_);
+  const auto clamp_entry = [&](Index at, const LawInFit& law, std::size_t j) {
+    v(at) = std::clamp(v(at), law.lower[j], law.upper[j]);
+  };
   for (std::size_t r = 0; r < prepared_.size(); ++r) {
-    double& memory = v(start_at(r) + kMemory);
+    double& memory = v(own_at(r) + kMemory);
     memory = std::clamp(memory, -1.0, 1.0);
+  }
+  for (std::size_t l = 0; l < options_.laws.size(); ++l) {
+    const LawInFit& law = options_.laws[l];
+    for (std::size_t j = 0; j < law.shared(); ++j) clamp_entry(law_at_[l] + static_cast<Index>(j), law, j);
+    for (std::size_t r = 0; r < prepared_.size(); ++r) {
+      for (std::size_t j = 0; j < law.own(); ++j) {
+        clamp_entry(own_at(r) + law_own_at_[l] + static_cast<Index>(j), law, law.shared() + j);
+      }
+    }
   }
   return v;
 }
@@ -117,6 +161,15 @@ VectorXd ValveFitProblem::clamped(VectorXd v) const {
 VectorXd ValveFitProblem::start_vector(const ValveParameters& parameters) const {
   VectorXd v = VectorXd::Zero(size());
   v.head(kParameters) = to_vector(parameters);
+  for (std::size_t l = 0; l < options_.laws.size(); ++l) {
+    const LawInFit& law = options_.laws[l];
+    for (std::size_t j = 0; j < law.shared(); ++j) v(law_at_[l] + static_cast<Index>(j)) = law.start[j];
+    for (std::size_t r = 0; r < prepared_.size(); ++r) {
+      for (std::size_t j = 0; j < law.own(); ++j) {
+        v(own_at(r) + law_own_at_[l] + static_cast<Index>(j)) = law.start[law.shared() + j];
+      }
+    }
+  }
   if (options_.prior) {
     v.segment(kParameters, knots_) = options_.prior->mean.tail(knots_);
     return clamped(v);
@@ -140,42 +193,133 @@ VectorXd ValveFitProblem::start_vector(const ValveParameters& parameters) const 
   return clamped(v);
 }
 
+VectorXd ValveFitProblem::continued_in(const ValveFitProblem& wider, const VectorXd& v,
+                                       std::span<const double> parameters) const {
+  VectorXd w = VectorXd::Zero(wider.size());
+  w.head(shared()) = v.head(shared());
+  const Index added_shared = wider.shared() - shared(), added_own = wider.own() - own_;
+  for (Index j = 0; j < added_shared; ++j) w(shared() + j) = parameters[static_cast<std::size_t>(j)];
+  for (std::size_t r = 0; r < prepared_.size(); ++r) {
+    w.segment(wider.own_at(r), own_) = v.segment(own_at(r), own_);
+    for (Index j = 0; j < added_own; ++j) {
+      const Index from = added_shared + added_own * static_cast<Index>(r) + j;
+      w(wider.own_at(r) + own_ + j) = parameters[static_cast<std::size_t>(from)];
+    }
+  }
+  return wider.clamped(w);
+}
+
 StaticMap ValveFitProblem::map_of(const VectorXd& v) const {
   const double* first = v.data() + kParameters;
   return {options_.knots, std::vector<double>(first, first + knots_)};
 }
 
-void ValveFitProblem::run_spool(const VectorXd& v, std::size_t recording, std::vector<double>& position) const {
+std::vector<double> ValveFitProblem::law_parameters(const VectorXd& v, std::size_t law, std::size_t recording) const {
+  const LawInFit& fitted = options_.laws[law];
+  std::vector<double> parameters;
+  for (std::size_t j = 0; j < fitted.shared(); ++j) parameters.push_back(v(law_at_[law] + static_cast<Index>(j)));
+  for (std::size_t j = 0; j < fitted.own(); ++j) {
+    parameters.push_back(v(own_at(recording) + law_own_at_[law] + static_cast<Index>(j)));
+  }
+  return parameters;
+}
+
+LawContext ValveFitProblem::context(const VectorXd& v, std::size_t recording) const {
   const Prepared& prepared = prepared_[recording];
-  const ValveParameters parameters = to_parameters(v.head(kParameters), options_.reference_psi);
-  const MagneticLoop loop{.width_a = parameters.loop_width_a, .memory = v(start_at(recording) + kMemory)};
-  const SampledValveDynamics spool(parameters.spool, prepared.recording->sample_period_s);
+  const double lowest = v(kParameters), highest = v(kParameters + knots_ - 1);
+  return {.time_s = prepared.time_s,
+          .output_range = highest - lowest,
+          .side = prepared.recording->side,
+          .recording = recording,
+          .input = prepared.recording->input.values,
+          .input_middle = 0.5 * (options_.knots.front() + options_.knots.back()),
+          .rest_input = options_.knots.front(),
+          .secant = (highest - lowest) / (options_.knots.back() - options_.knots.front())};
+}
+
+ValveFitProblem::Blocks ValveFitProblem::blocks_of(const VectorXd& v, std::size_t recording) const {
+  Blocks blocks{.valve = to_parameters(v.head(kParameters), options_.reference_psi)};
+  blocks.valve.volume.highest_psi = v(kParameters + knots_ - 1);
+  for (std::size_t l = 0; l < options_.laws.size(); ++l) {
+    const LawInFit& law = options_.laws[l];
+    if (!law.law->reshape || !acts(law, recording)) continue;
+    MagneticLoop loop{.width_a = blocks.valve.loop_width_a};
+    law.law->reshape(law_parameters(v, l, recording), {loop, blocks.valve.spool, blocks.valve.volume, blocks.friction});
+    blocks.valve.loop_width_a = loop.width_a;
+  }
+  return blocks;
+}
+
+void ValveFitProblem::apply_laws(Place place, const VectorXd& v, std::size_t recording, std::span<const double> steady,
+                                 std::vector<double>& signal, std::vector<std::vector<double>>* before) const {
+  for (std::size_t l = 0; l < options_.laws.size(); ++l) {
+    const LawInFit& law = options_.laws[l];
+    if (!acts_at(law, place, recording)) continue;
+    if (before) before->push_back(signal);
+    LawContext seen = context(v, recording);
+    seen.steady = steady;
+    law.law->apply(law_parameters(v, l, recording), seen, signal);
+  }
+}
+
+IntervalSignal ValveFitProblem::behind_input_laws(const VectorXd& v, std::size_t recording) const {
+  const Prepared& prepared = prepared_[recording];
+  std::vector<double> signal;
+  for (std::size_t l = 0; l < options_.laws.size(); ++l) {
+    const LawInFit& law = options_.laws[l];
+    if (!acts_at(law, Place::kInput, recording)) continue;
+    if (signal.empty()) signal = interleaved(prepared.input);
+    LawContext seen = context(v, recording);
+    seen.time_s = prepared.ends_s;
+    seen.driver = prepared.ends_driver;
+    law.law->apply(law_parameters(v, l, recording), seen, signal);
+  }
+  return signal.empty() ? prepared.input : intervals(signal);
+}
+
+void ValveFitProblem::run_position(const VectorXd& v, std::size_t recording, std::vector<double>& position) const {
+  const Prepared& prepared = prepared_[recording];
+  const Blocks blocks = blocks_of(v, recording);
+  const double memory = v(own_at(recording) + kMemory);
+  const MagneticLoop loop{.width_a = blocks.valve.loop_width_a, .memory = memory};
+  const double period_s = prepared.recording->sample_period_s;
+  const SampledValveDynamics spool(blocks.valve.spool, period_s);
+  const IntervalSignal moved = behind_input_laws(v, recording);
+  const IntervalSignal force = loop.apply(moved, loop_driver(moved));
   position.resize(prepared.input.start.size());
-  spool.run(loop.apply(prepared.input, prepared.driver), position);
+  if (blocks.friction.breakaway_a > 0) {
+    run_sliding_spool(blocks.valve.spool, blocks.friction, period_s, force, memory, position);
+  } else {
+    spool.run(force, position);
+  }
   SampledValveDynamics::State free(2);
-  free << v(start_at(recording) + kSpoolRate), v(start_at(recording) + kSpoolPosition);
+  free << v(own_at(recording) + kSpoolRate), v(own_at(recording) + kSpoolPosition);
   for (double& x : position) {
     if (free.squaredNorm() < 1e-24) break;  // decayed below any effect
     x += free(1);
     free = spool.transition().lazyProduct(free).eval();
   }
+  apply_laws(Place::kPosition, v, recording, {}, position, nullptr);
 }
 
 ValveFitProblem::Run ValveFitProblem::run(const VectorXd& v, std::size_t recording, bool tangents) const {
   Run run;
-  run_spool(v, recording, run.position);
-  run.steady = run.position;
-  map_of(v).apply(run.steady);
+  run_position(v, recording, run.position);
+  run.mapped = run.position;
+  map_of(v).apply(run.mapped);
+  run.steady = run.mapped;
+  apply_laws(Place::kSteady, v, recording, run.mapped, run.steady, nullptr);
   run.pressure.resize(run.steady.size());
-  const ValveParameters parameters = to_parameters(v.head(kParameters), options_.reference_psi);
-  const double first = run.steady.front() + v(start_at(recording) + kPressureGap);
-  run_volume(parameters.volume, prepared_[recording].recording->sample_period_s, first, run.steady, run.pressure,
-             tangents ? &run.tangent : nullptr);
+  const double first = run.steady.front() + v(own_at(recording) + kPressureGap);
+  run_volume(blocks_of(v, recording).valve.volume, prepared_[recording].recording->sample_period_s, first, run.steady,
+             run.pressure, tangents ? &run.tangent : nullptr);
+  run.output = run.pressure;
+  apply_laws(Place::kOutput, v, recording, run.steady, run.output, tangents ? &run.before_output : nullptr);
   return run;
 }
 
 std::vector<double> ValveFitProblem::simulate(const VectorXd& v, std::size_t recording) const {
-  return run(v, recording, false).pressure;
+  return std::move(run(v, recording, false).output);
 }
 
 double ValveFitProblem::cost(const VectorXd& v) const {
@@ -195,10 +339,10 @@ double ValveFitProblem::cost(const VectorXd& v) const {
 }
 
 double ValveFitProblem::penalty(const VectorXd& v) const {
-  const VectorXd d = v.head(shared()) - mean_;
+  const VectorXd d = v.head(baseline_size()) - mean_;
   double sum = d.dot(precision_ * d);
   for (std::size_t r = 0; r < prepared_.size(); ++r) {
-    const auto s = v.segment<kStarts>(start_at(r));
+    const auto s = v.segment<kStarts>(own_at(r));
     sum +=
         (s(kSpoolRate) * s(kSpoolRate) + s(kSpoolPosition) * s(kSpoolPosition)) / (kSpoolStartSd_a * kSpoolStartSd_a) +
         std::pow(s(kPressureGap) / kPressureStartSd_psi, 2) + std::pow(s(kMemory) / kMemorySd, 2);
@@ -207,128 +351,261 @@ double ValveFitProblem::penalty(const VectorXd& v) const {
 }
 
 void ValveFitProblem::add_penalty(const VectorXd& v, Normal& normal) const {
-  normal.a.topLeftCorner(shared(), shared()) += precision_;
-  normal.b.head(shared()) -= precision_ * (v.head(shared()) - mean_);
+  // What is not varied, or not seen by any sample, stays where it is.
+  for (Index j = baseline_size(); j < shared(); ++j) normal.a(j, j) += normal.a(j, j) > 0 ? 0.0 : 1.0;
+  for (std::size_t r = 0; r < prepared_.size(); ++r) {
+    for (Index j = own_at(r) + kStarts; j < own_at(r) + own_; ++j) normal.a(j, j) += normal.a(j, j) > 0 ? 0.0 : 1.0;
+  }
+  const Index shared_baseline = baseline_size();
+  normal.a.topLeftCorner(shared_baseline, shared_baseline) += precision_;
+  normal.b.head(shared_baseline) -= precision_ * (v.head(shared_baseline) - mean_);
   const double weights[kStarts] = {1 / (kSpoolStartSd_a * kSpoolStartSd_a), 1 / (kSpoolStartSd_a * kSpoolStartSd_a),
                                    1 / (kPressureStartSd_psi * kPressureStartSd_psi), 1 / (kMemorySd * kMemorySd)};
   for (std::size_t r = 0; r < prepared_.size(); ++r) {
     for (Index s = 0; s < kStarts; ++s) {
-      const Index at = start_at(r) + s;
+      const Index at = own_at(r) + s;
       normal.a(at, at) += weights[s];
       normal.b(at) -= weights[s] * v(at);
     }
   }
 }
 
-/// Sensitivities of parameters and start values at one recording: differences before the map, carried on by the map's
-/// slope and the volume's tangent; differences of the volume itself for its own parameters.
-MatrixXd ValveFitProblem::nonlinear_columns(const VectorXd& v, std::size_t recording, const Run& base) const {
-  const auto n = static_cast<Index>(base.pressure.size());
-  MatrixXd columns(n, kParameters + kStarts);
-  const StaticMap map = map_of(v);
-  std::vector<double> slope(base.position.size());
-  for (std::size_t i = 0; i < slope.size(); ++i) {
-    const Between at = locate(options_.knots, base.position[i]);
-    const auto left = static_cast<std::size_t>(at.left);
-    slope[i] = (map.output[left + 1] - map.output[left]) / (map.input[left + 1] - map.input[left]);
+/// Sensitivities at one recording, a column at a time: a difference up to the block that a parameter changes, from
+/// there on the tangents of the blocks behind it.
+class ValveFitProblem::Columns {
+ public:
+  Columns(const ValveFitProblem& problem, const VectorXd& v, std::size_t recording)
+      : problem_(problem), v_(v), recording_(recording), base_(problem.run(v, recording, true)) {
+    slope_.resize(base_.position.size());
+    const StaticMap map = problem.map_of(v);
+    for (std::size_t i = 0; i < slope_.size(); ++i) {
+      const auto left = static_cast<std::size_t>(locate(map.input, base_.position[i]).left);
+      slope_[i] = (map.output[left + 1] - map.output[left]) / (map.input[left + 1] - map.input[left]);
+    }
+    has_steady_laws_ = base_.steady != base_.mapped;
+    if (!has_steady_laws_) return;
+    steady_gain_.assign(base_.mapped.size(), 1.0);
+    std::vector<double> before = base_.mapped;
+    for (std::size_t l = 0; l < problem.options_.laws.size(); ++l) {
+      const LawInFit& law = problem.options_.laws[l];
+      if (!problem.acts_at(law, Place::kSteady, recording)) continue;
+      LawContext seen = problem.context(v, recording);
+      seen.steady = base_.mapped;
+      const std::vector<double> parameters = problem.law_parameters(v, l, recording);
+      if (law.law->tangent) law.law->tangent(parameters, seen, before, steady_gain_);
+      law.law->apply(parameters, seen, before);
+    }
   }
-  std::vector<double> moved;
-  const auto before_map = [&](Index entry, double step, Index column) {
-    VectorXd w = v;
+
+  const Run& base() const { return base_; }
+
+  /// ∂output / ∂v(entry).
+  std::vector<double> of(Index entry, double step) const {
+    VectorXd w = v_;
     w(entry) += step;
-    run_spool(w, recording, moved);
-    double change = 0;
-    for (Index i = 0; i < n; ++i) {
-      const auto at = static_cast<std::size_t>(i);
-      const std::size_t next = std::min(at + 1, moved.size() - 1);
-      const double here = slope[at] * (moved[at] - base.position[at]) / step;
-      const double there = slope[next] * (moved[next] - base.position[next]) / step;
-      if (i == 0) change = here;  // the volume starts at its steady pressure
-      columns(i, column) = change;
-      change = base.tangent.keep[at] * change + base.tangent.pass[at] * (here + there);
+    if (in_two_places(entry)) return whole_change(w, step);
+    const Blocks here = problem_.blocks_of(v_, recording_), there = problem_.blocks_of(w, recording_);
+    std::vector<double> change;
+    const bool moves = moves_position(entry) || here.valve.loop_width_a != there.valve.loop_width_a ||
+                       differ(here.valve.spool, there.valve.spool) || !(here.friction == there.friction);
+    if (moves) {
+      change = position_change(w, step);
+      carry_steady(change);
+    } else if (!(here.valve.volume == there.valve.volume) || entry == problem_.own_at(recording_) + kPressureGap) {
+      change = volume_change(w, there.valve.volume, step);
+    } else {
+      change = behind_map(w, step);
     }
-  };
-  const auto in_volume = [&](Index entry, double step, Index column) {
-    VectorXd w = v;
-    w(entry) += step;
-    const OrificeVolume volume = to_parameters(w.head(kParameters), options_.reference_psi).volume;
-    const double first = base.steady.front() + w(start_at(recording) + kPressureGap);
-    moved.resize(base.steady.size());
-    run_volume(volume, prepared_[recording].recording->sample_period_s, first, base.steady, moved);
-    for (Index i = 0; i < n; ++i) {
-      const auto at = static_cast<std::size_t>(i);
-      columns(i, column) = (moved[at] - base.pressure[at]) / step;
+    return change;
+  }
+
+  /// ∂output / ∂knot.
+  std::vector<double> of_knot(Index knot) const {
+    std::vector<double> change(base_.position.size(), 0.0);
+    for (std::size_t i = 0; i < change.size(); ++i) {
+      const Between at = locate(problem_.options_.knots, base_.position[i]);
+      if (at.left == knot) change[i] = 1 - at.share;
+      if (at.left + 1 == knot) change[i] = at.share;
     }
-  };
-  const auto inward = [&](Index j) { return v(j) + step_(j) > upper_(j) ? -step_(j) : step_(j); };
-  for (const Index j : {kFrequency, kDamping, kDelay, kLoop}) before_map(j, inward(j), j);
-  for (const Index j : {kTimeConstant, kExponent, kSupply}) in_volume(j, inward(j), j);
-  const Index start = start_at(recording);
-  before_map(start + kSpoolRate, 1e-5, kParameters + kSpoolRate);
-  before_map(start + kSpoolPosition, 1e-5, kParameters + kSpoolPosition);
-  in_volume(start + kPressureGap, 1e-3, kParameters + kPressureGap);
-  const double memory_step = v(start + kMemory) > 0 ? -0.01 : 0.01;
-  before_map(start + kMemory, memory_step, kParameters + kMemory);
-  return columns;
+    carry_steady(change);
+    return change;
+  }
+
+ private:
+  static bool differ(const ValveDynamics& a, const ValveDynamics& b) {
+    return a.delay_s != b.delay_s || a.natural_frequency_rad_s != b.natural_frequency_rad_s ||
+           a.damping_ratio != b.damping_ratio || a.lag_s != b.lag_s;
+  }
+  bool moves_position(Index entry) const {
+    const Index own = problem_.own_at(recording_);
+    if (entry == own + kSpoolRate || entry == own + kSpoolPosition || entry == own + kMemory) return true;
+    for (std::size_t l = 0; l < problem_.options_.laws.size(); ++l) {
+      const LawInFit& law = problem_.options_.laws[l];
+      if (law.law->place != Place::kInput && law.law->place != Place::kPosition) continue;
+      if (owns(l, law, entry)) return true;
+    }
+    return false;
+  }
+  /// A law that acts on a signal and on the valve's blocks has no one place to start from.
+  bool in_two_places(Index entry) const {
+    for (std::size_t l = 0; l < problem_.options_.laws.size(); ++l) {
+      const LawInFit& law = problem_.options_.laws[l];
+      if (law.law->apply && law.law->reshape && !law.law->blocks_alone && owns(l, law, entry)) return true;
+    }
+    return false;
+  }
+  std::vector<double> whole_change(const VectorXd& w, double step) const {
+    std::vector<double> moved = problem_.simulate(w, recording_);
+    for (std::size_t i = 0; i < moved.size(); ++i) moved[i] = (moved[i] - base_.output[i]) / step;
+    return moved;
+  }
+  bool owns(std::size_t l, const LawInFit& law, Index entry) const {
+    const Index shared = problem_.law_at_[l], own = problem_.own_at(recording_) + problem_.law_own_at_[l];
+    return (entry >= shared && entry < shared + static_cast<Index>(law.shared())) ||
+           (entry >= own && entry < own + static_cast<Index>(law.own()));
+  }
+
+  std::vector<double> position_change(const VectorXd& w, double step) const {
+    std::vector<double> moved;
+    problem_.run_position(w, recording_, moved);
+    for (std::size_t i = 0; i < moved.size(); ++i) moved[i] = slope_[i] * (moved[i] - base_.position[i]) / step;
+    return moved;
+  }
+
+  std::vector<double> volume_change(const VectorXd& w, const OrificeVolume& volume, double step) const {
+    std::vector<double> moved(base_.steady.size());
+    const double first = base_.steady.front() + w(problem_.own_at(recording_) + kPressureGap);
+    run_volume(volume, problem_.prepared_[recording_].recording->sample_period_s, first, base_.steady, moved);
+    for (std::size_t i = 0; i < moved.size(); ++i) moved[i] = (moved[i] - base_.pressure[i]) / step;
+    problem_.output_tangents(v_, recording_, base_, moved);
+    return moved;
+  }
+
+  /// A parameter of a law behind the map.
+  std::vector<double> behind_map(const VectorXd& w, double step) const {
+    std::vector<double> steady = base_.mapped;
+    problem_.apply_laws(Place::kSteady, w, recording_, base_.mapped, steady, nullptr);
+    if (steady != base_.steady) {
+      for (std::size_t i = 0; i < steady.size(); ++i) steady[i] = (steady[i] - base_.steady[i]) / step;
+      carry_volume(steady);
+      problem_.output_tangents(v_, recording_, base_, steady);
+      return steady;
+    }
+    std::vector<double> output = base_.pressure;
+    problem_.apply_laws(Place::kOutput, w, recording_, base_.steady, output, nullptr);
+    for (std::size_t i = 0; i < output.size(); ++i) output[i] = (output[i] - base_.output[i]) / step;
+    return output;
+  }
+
+  void carry_steady(std::vector<double>& change) const {
+    if (has_steady_laws_) {
+      for (std::size_t i = 0; i < change.size(); ++i) change[i] *= steady_gain_[i];
+    }
+    carry_volume(change);
+    problem_.output_tangents(v_, recording_, base_, change);
+  }
+
+  void carry_volume(std::vector<double>& change) const {
+    double p = change.empty() ? 0 : change.front();  // the volume starts at its steady pressure
+    for (std::size_t i = 0; i < change.size(); ++i) {
+      const double both = change[i] + (i + 1 < change.size() ? change[i + 1] : change[i]);
+      change[i] = p;
+      p = base_.tangent.keep[i] * p + base_.tangent.pass[i] * both;
+    }
+  }
+
+  const ValveFitProblem& problem_;
+  const VectorXd& v_;
+  std::size_t recording_;
+  Run base_;
+  std::vector<double> slope_, steady_gain_;
+  bool has_steady_laws_ = false;
+};
+
+void ValveFitProblem::output_tangents(const VectorXd& v, std::size_t recording, const Run& base,
+                                      std::vector<double>& change) const {
+  std::size_t stage = 0;
+  for (std::size_t l = 0; l < options_.laws.size(); ++l) {
+    const LawInFit& law = options_.laws[l];
+    if (!acts_at(law, Place::kOutput, recording)) continue;
+    LawContext seen = context(v, recording);
+    seen.steady = base.steady;
+    if (law.law->tangent) {
+      law.law->tangent(law_parameters(v, l, recording), seen, base.before_output[stage], change);
+    }
+    ++stage;
+  }
 }
 
-void ValveFitProblem::accumulate(const VectorXd& v, std::size_t recording, Normal& normal) const {
-  constexpr Index kBlock = 256;
+ValveFitProblem::Rows ValveFitProblem::rows(const VectorXd& v, std::size_t recording) const {
   const Recording& measured = *prepared_[recording].recording;
-  const Run base = run(v, recording, true);
-  const MatrixXd nonlinear = nonlinear_columns(v, recording, base);
-  const auto n = static_cast<Index>(base.pressure.size());
-  const Index local = kParameters + knots_ + kStarts;
-
-  MatrixXd block(local, kBlock);
-  VectorXd error(kBlock);
-  MatrixXd a = MatrixXd::Zero(local, local);
-  VectorXd b = VectorXd::Zero(local);
-  Index filled = 0;
-  const auto flush = [&] {
-    if (filled == 0) return;  // Eigen divides by the width of a product
-    a.selfadjointView<Eigen::Lower>().rankUpdate(block.leftCols(filled));
-    b.noalias() += block.leftCols(filled) * error.head(filled);
-    filled = 0;
-  };
-  VectorXd knot = VectorXd::Zero(knots_);
-  Between here = locate(options_.knots, base.position.front());
-  knot(here.left) = 1 - here.share;
-  knot(here.left + 1) = here.share;
-  for (Index i = 0; i < n; ++i) {
-    const auto at = static_cast<std::size_t>(i);
-    if (measured.is_valid(at)) {
-      block.col(filled).head(kParameters) = nonlinear.row(i).head(kParameters);
-      block.col(filled).segment(kParameters, knots_) = knot;
-      block.col(filled).tail(kStarts) = nonlinear.row(i).tail(kStarts);
-      error(filled) = measured.output.values[at] - base.pressure[at];
-      if (++filled == kBlock) flush();
-    }
-    const Between there = locate(options_.knots, base.position[std::min(at + 1, base.position.size() - 1)]);
-    knot *= base.tangent.keep[at];
-    for (const Between& side : {here, there}) {
-      knot(side.left) += base.tangent.pass[at] * (1 - side.share);
-      knot(side.left + 1) += base.tangent.pass[at] * side.share;
-    }
-    here = there;
+  const Columns columns(*this, v, recording);
+  Rows rows;
+  for (std::size_t i = 0; i < measured.samples(); i += stride_) {
+    if (measured.is_valid(i)) rows.sample.push_back(i);
   }
-  flush();
+  const auto count = static_cast<Index>(rows.sample.size());
+  const double whiten = std::sqrt(prepared_[recording].inverse_variance);
+  rows.jacobian = MatrixXd::Zero(count, shared() + own_);
+  rows.error.resize(count);
+  const auto keep = [&](Index column, const std::vector<double>& change) {
+    for (Index i = 0; i < count; ++i) {
+      rows.jacobian(i, column) = whiten * change[rows.sample[static_cast<std::size_t>(i)]];
+    }
+  };
+  for (Index i = 0; i < count; ++i) {
+    const std::size_t at = rows.sample[static_cast<std::size_t>(i)];
+    rows.error(i) = whiten * (measured.output.values[at] - columns.base().output[at]);
+  }
+  const auto inward = [&](Index j) { return v(j) + step_(j) > upper_(j) ? -step_(j) : step_(j); };
+  for (Index j = 0; j < kParameters; ++j) keep(j, columns.of(j, inward(j)));
+  const auto [least, most] = std::minmax_element(columns.base().position.begin(), columns.base().position.end());
+  const Index first = locate(options_.knots, *least).left, last = locate(options_.knots, *most).left + 1;
+  for (Index k = first; k <= last; ++k) keep(kParameters + k, columns.of_knot(k));
 
-  const double weight = prepared_[recording].inverse_variance;
-  const Index starts = start_at(recording);
-  normal.a.topLeftCorner(shared(), shared()).triangularView<Eigen::Lower>() +=
-      weight * a.topLeftCorner(shared(), shared());
-  normal.a.block(starts, 0, kStarts, shared()) += weight * a.bottomLeftCorner(kStarts, shared());
-  normal.a.block(starts, starts, kStarts, kStarts).triangularView<Eigen::Lower>() +=
-      weight * a.bottomRightCorner(kStarts, kStarts);
-  normal.b.head(shared()) += weight * b.head(shared());
-  normal.b.segment(starts, kStarts) += weight * b.tail(kStarts);
+  const Index own = own_at(recording);
+  const double start_step[kStarts] = {1e-5, 1e-5, 1e-3, v(own + kMemory) > 0 ? -0.01 : 0.01};
+  for (Index s = 0; s < kStarts; ++s) keep(shared() + s, columns.of(own + s, start_step[s]));
+  for (std::size_t l = 0; l < options_.laws.size(); ++l) {
+    const LawInFit& law = options_.laws[l];
+    if (!acts(law, recording)) continue;
+    for (std::size_t j = 0; j < law.law->parameters.size(); ++j) {
+      const bool is_shared = j < law.shared();
+      const auto offset = static_cast<Index>(is_shared ? j : j - law.shared());
+      const Index entry = is_shared ? law_at_[l] + offset : own + law_own_at_[l] + offset;
+      if (law.step[j] == 0) continue;  // a whole number: searched, not varied
+      const double step = v(entry) + law.step[j] > law.upper[j] ? -law.step[j] : law.step[j];
+      keep(is_shared ? entry : shared() + law_own_at_[l] + offset, columns.of(entry, step));
+    }
+  }
+  return rows;
+}
+
+void ValveFitProblem::accumulate(const Rows& rows, Index first, Index count, std::size_t recording,
+                                 Normal& normal) const {
+  if (count == 0) return;
+  const double weight = static_cast<double>(stride_);
+  const auto jacobian = rows.jacobian.middleRows(first, count);
+  const Index local = shared() + own_;
+  MatrixXd a = MatrixXd::Zero(local, local);
+  a.selfadjointView<Eigen::Lower>().rankUpdate(jacobian.transpose(), weight);
+  const VectorXd b = weight * (jacobian.transpose() * rows.error.segment(first, count));
+  const Index own = own_at(recording);
+  a.triangularView<Eigen::StrictlyUpper>() = a.transpose();
+  normal.a.topLeftCorner(shared(), shared()) += a.topLeftCorner(shared(), shared());
+  normal.a.block(own, 0, own_, shared()) += a.bottomLeftCorner(own_, shared());
+  normal.a.block(0, own, shared(), own_) += a.topRightCorner(shared(), own_);
+  normal.a.block(own, own, own_, own_) += a.bottomRightCorner(own_, own_);
+  normal.b.head(shared()) += b.head(shared());
+  normal.b.segment(own, own_) += b.tail(own_);
 }
 
 ValveFitProblem::Normal ValveFitProblem::linearise(const VectorXd& v) const {
   Normal normal{MatrixXd::Zero(size(), size()), VectorXd::Zero(size())};
-  for (std::size_t r = 0; r < prepared_.size(); ++r) accumulate(v, r, normal);
-  normal.a.triangularView<Eigen::StrictlyUpper>() = normal.a.transpose();
+  for (std::size_t r = 0; r < prepared_.size(); ++r) {
+    const Rows of_recording = rows(v, r);
+    accumulate(of_recording, 0, of_recording.error.size(), r, normal);
+  }
   add_penalty(v, normal);
   return normal;
 }

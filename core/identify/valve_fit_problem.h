@@ -7,69 +7,142 @@
 
 namespace valvetriage {
 
-/// The weighted least-squares problem behind fit_valve, linearised by tangents (internal to identify).
+/// The weighted least-squares problem behind fit_valve, linearised by tangents (internal to identify and discrepancy).
 ///
-/// Vector: [parameters | knot outputs | four start values per recording: two spool states, pressure gap, loop memory].
+///   u → magnetic loop → input laws → G → position laws → map → steady laws → volume → output laws → y
+///
+/// Vector: [parameters | knot outputs | shared law parameters | per recording: two spool states, pressure gap, loop
+/// memory, its own law parameters].
 class ValveFitProblem {
  public:
   static constexpr Eigen::Index kParameters = static_cast<Eigen::Index>(kValveParameters.size());
   static constexpr Eigen::Index kStarts = 4;
 
+  /// Both must outlive the problem.
   ValveFitProblem(std::span<const Recording> recordings, const ValveFitOptions& options);
+  /// The same recordings with other laws.
+  ValveFitProblem(const ValveFitProblem& other, const ValveFitOptions& options);
 
-  Eigen::Index size() const { return shared() + kStarts * static_cast<Eigen::Index>(prepared_.size()); }
-  Eigen::Index shared() const { return kParameters + knots_; }
+  Eigen::Index size() const { return shared() + own_ * static_cast<Eigen::Index>(prepared_.size()); }
+  Eigen::Index baseline_size() const { return kParameters + knots_; }
+  Eigen::Index shared() const { return baseline_size() + law_parameters_; }
+  Eigen::Index own() const { return own_; }
   Eigen::Index knots() const { return knots_; }
+  Eigen::Index own_at(std::size_t recording) const { return shared() + own_ * static_cast<Eigen::Index>(recording); }
+  std::size_t recordings() const { return prepared_.size(); }
+  const Recording& recording(std::size_t r) const { return *prepared_[r].recording; }
+  double inverse_variance(std::size_t r) const { return prepared_[r].inverse_variance; }
+  /// Every how many samples a row of the linearisation stands; its weight in the normal equations.
+  std::size_t stride() const { return stride_; }
 
   /// The vector inside its bounds.
   Eigen::VectorXd clamped(Eigen::VectorXd v) const;
-  /// Parameters as given, knots by averaging the outputs seen at each input, starts at rest.
+  /// Parameters as given, knots by averaging the outputs seen at each input, starts at rest, laws at their start.
   Eigen::VectorXd start_vector(const ValveParameters& parameters) const;
+  /// Parameters of one law as one recording sees them.
+  std::vector<double> law_parameters(const Eigen::VectorXd& v, std::size_t law, std::size_t recording) const;
 
   /// Σ e² / σ² + penalties.
   double cost(const Eigen::VectorXd& v) const;
+  double penalty(const Eigen::VectorXd& v) const;
   std::vector<double> simulate(const Eigen::VectorXd& v, std::size_t recording) const;
 
-  /// Normal equations of one linearisation, lower and upper half filled.
+  /// Every signal along the chain of one free run.
+  struct Run {
+    std::vector<double> position;                    ///< the map's input x at each sample [A]
+    std::vector<double> mapped;                      ///< map(x)
+    std::vector<double> steady;                      ///< behind the steady laws
+    std::vector<double> pressure;                    ///< behind the volume
+    std::vector<std::vector<double>> before_output;  ///< what enters each output law
+    std::vector<double> output;
+    VolumeTangent tangent;
+  };
+  Run run(const Eigen::VectorXd& v, std::size_t recording, bool tangents) const;
+
+  /// This problem's vector continued into one with more laws behind the same ones: `parameters` are those of the added
+  /// last law, shared ones first, then each recording's own.
+  Eigen::VectorXd continued_in(const ValveFitProblem& wider, const Eigen::VectorXd& v,
+                               std::span<const double> parameters) const;
+  /// What a law may look at in one recording.
+  LawContext context(const Eigen::VectorXd& v, std::size_t recording) const;
+  bool acts(const LawInFit& law, std::size_t recording) const { return !law.recording || *law.recording == recording; }
+
+  /// Rows of one recording, whitened by its noise: sensitivities [shared | own] and errors at every stride-th valid
+  /// sample.
+  struct Rows {
+    Eigen::MatrixXd jacobian;            ///< rows × (shared + own)
+    Eigen::VectorXd error;               ///< measured − simulated
+    std::vector<std::size_t> sample;     ///< of each row
+  };
+  Rows rows(const Eigen::VectorXd& v, std::size_t recording) const;
+
+  /// Normal equations, lower and upper half filled.
   struct Normal {
     Eigen::MatrixXd a;
     Eigen::VectorXd b;
   };
   Normal linearise(const Eigen::VectorXd& v) const;
+  /// Adds the rows of one recording, or of a part of them.
+  void accumulate(const Rows& rows, Eigen::Index first, Eigen::Index count, std::size_t recording,
+                  Normal& normal) const;
+  /// Adds prior and preferences at v.
+  void add_penalty(const Eigen::VectorXd& v, Normal& normal) const;
 
  private:
   struct Prepared {
     const Recording* recording = nullptr;
     IntervalSignal input;
-    std::vector<double> driver;
+    std::vector<double> time_s;      ///< of each sample, from the recording's start
+    std::vector<double> ends_s;       ///< start and end of each interval
+    std::vector<double> ends_driver;  ///< the input there, without its noise
     double inverse_variance = 1;
   };
-  struct Run {
-    std::vector<double> position;  ///< the map's input x at each sample [A]
-    std::vector<double> steady;    ///< map(x)
-    std::vector<double> pressure;
-    VolumeTangent tangent;
-  };
 
-  Eigen::Index start_at(std::size_t recording) const {
-    return shared() + kStarts * static_cast<Eigen::Index>(recording);
-  }
+  /// The valve's blocks with every law on them.
+  struct Blocks {
+    ValveParameters valve;
+    SpoolFriction friction;
+  };
+  Blocks blocks_of(const Eigen::VectorXd& v, std::size_t recording) const;
   StaticMap map_of(const Eigen::VectorXd& v) const;
-  void run_spool(const Eigen::VectorXd& v, std::size_t recording, std::vector<double>& position) const;
-  Run run(const Eigen::VectorXd& v, std::size_t recording, bool tangents) const;
-  void accumulate(const Eigen::VectorXd& v, std::size_t recording, Normal& normal) const;
-  Eigen::MatrixXd nonlinear_columns(const Eigen::VectorXd& v, std::size_t recording, const Run& base) const;
-  double penalty(const Eigen::VectorXd& v) const;
-  void add_penalty(const Eigen::VectorXd& v, Normal& normal) const;
+  void run_position(const Eigen::VectorXd& v, std::size_t recording, std::vector<double>& position) const;
+  /// Whether a law acts on a signal of this model, at a place.
+  bool acts_at(const LawInFit& law, Place place, std::size_t recording) const {
+    return law.law->place == place && law.law->apply && !law.law->blocks_alone && acts(law, recording);
+  }
+  IntervalSignal behind_input_laws(const Eigen::VectorXd& v, std::size_t recording) const;
+  void apply_laws(Place place, const Eigen::VectorXd& v, std::size_t recording, std::span<const double> steady,
+                  std::vector<double>& signal, std::vector<std::vector<double>>* before) const;
+  void output_tangents(const Eigen::VectorXd& v, std::size_t recording, const Run& base,
+                       std::vector<double>& change) const;
+
+  class Columns;
+
   void set_bounds();
   void set_preferences();
+  void place_laws();
 
   const ValveFitOptions& options_;
   std::vector<Prepared> prepared_;
   Eigen::Index knots_;
+  Eigen::Index law_parameters_ = 0;
+  Eigen::Index own_ = kStarts;
+  std::vector<Eigen::Index> law_at_, law_own_at_;  ///< first shared entry of each law; first own one behind own_at()
+  std::size_t stride_ = 1;
   Eigen::VectorXd lower_, upper_, step_;
-  Eigen::MatrixXd precision_;  ///< of the prior, shared × shared
+  Eigen::MatrixXd precision_;  ///< of the prior, baseline_size() square
   Eigen::VectorXd mean_;
 };
+
+/// Where a descent ended.
+struct Descent {
+  Eigen::VectorXd v;
+  double cost = 0;
+  int iterations = 0;
+  FitTermination termination = FitTermination::kIterationLimit;
+};
+
+/// Levenberg-Marquardt with Marquardt's scaling, from v down.
+Descent descend(const ValveFitProblem& problem, Eigen::VectorXd v, int most_iterations);
 
 }  // namespace valvetriage

@@ -14,21 +14,29 @@
 namespace valvetriage {
 namespace {
 
-constexpr std::array<MechanismParameter, 1> kParameters{{{"width_A", "A", "full width of the play"}}};
+enum Parameter { kWidth, kMemory };
+
+constexpr std::array<MechanismParameter, 2> kParameters{
+    {{"width_A", "A", "full width of the play"},
+     {"memory", "", "where in the play the recording begins, from -1 to 1; each recording has its own"}}};
 constexpr std::array<std::string_view, 3> kConfusedWith{"friction", "hysteresis", "dead_band"};
 
 MechanismBounds bounds(const MechanismScales& scales) {
   const double range = input_range(scales);
-  return one_parameter(0, 0.5 * range, 2e-4 * range, spread(0.004 * range, 0.1 * range, 3));
+  MechanismBounds bounds{.lower = {0, -1}, .upper = {0.5 * range, 1}, .step = {2e-4 * range, 0.05}, .starts = {}};
+  for (const double width : spread(0.004 * range, 0.1 * range, 3)) bounds.starts.push_back({width, 0});
+  return bounds;
 }
 
 void apply(std::span<const double> parameters, const LawContext& context, std::span<double> x) {
-  const double half = 0.5 * parameters[0];
+  if (x.empty()) return;
+  const double half = 0.5 * parameters[kWidth];
   const std::span<const double> driver = context.driver.empty() ? x : context.driver;
-  double z = x.empty() ? 0 : driver[0];
+  double z = driver[0] + (parameters.size() > kMemory ? parameters[kMemory] * half : 0);
   for (std::size_t i = 0; i < x.size(); ++i) {
-    z = std::clamp(z, driver[i] - half, driver[i] + half);
-    x[i] -= driver[i] - z;
+    const double at = driver[i];
+    z = std::clamp(z, at - half, at + half);
+    x[i] -= at - z;
   }
 }
 
@@ -46,13 +54,14 @@ extern constinit const Mechanism kBacklash{
         "a flat piece of the same width after every reversal, at every rate; then the input is followed without "
         "a jump",
     .confused_with = kConfusedWith,
-    .place = Place::kInput,
+    .place = Place::kPosition,
     .parameters = kParameters,
     .size_parameter = 0,
     .neutral = 0,
     .bounds = bounds,
     .apply = apply,
     .tangent = nullptr,
-    .reshape = nullptr};
+    .reshape = nullptr,
+    .own_per_recording = 1};
 
 }  // namespace valvetriage

@@ -1,5 +1,8 @@
 // friction: the spool sticks until the force difference passes breakaway, then slips.
 //
+//   in a valve, inside the spool's motion (core/model/spool_friction.h):
+//   ẍ = ωn² (u − x − f) − 2 ζ ωn ẋ,  |f| ≤ F_s at rest,  f = sign(ẋ) (F_k + (F_s − F_k) e^(−(ẋ/v_s)²)) in motion
+//   in a model without a spool, its stick-slip limit at the input:
 //   held while |x − held| ≤ F_s;   else held ← x − sign(x − held) min(F_k, F_s)        forces as input equivalents
 //
 // Source     stick-slip limit of Coulomb friction with breakaway: Armstrong-Hélouvry, Dupont, Canudas de Wit,
@@ -12,27 +15,40 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <vector>
 
 #include "core/mechanisms/bounds.h"
 
 namespace valvetriage {
 namespace {
 
-enum Parameter { kBreakaway, kKinetic };
+enum Parameter { kBreakaway, kKinetic, kStribeck };
 
-constexpr std::array<MechanismParameter, 2> kParameters{
+constexpr std::array<MechanismParameter, 3> kParameters{
     {{"breakaway_A", "A", "force that sets the resting spool in motion"},
-     {"kinetic_A", "A", "force on the moving spool; at most breakaway"}}};
+     {"kinetic_A", "A", "force on the moving spool; at most breakaway"},
+     {"stribeck_A_per_s", "A/s", "speed at which friction has fallen most of the way from breakaway to kinetic"}}};
 constexpr std::array<std::string_view, 3> kConfusedWith{"backlash", "hysteresis", "dead_band"};
 
 MechanismBounds bounds(const MechanismScales& scales) {
   const double range = input_range(scales);
-  MechanismBounds bounds{
-      .lower = {0, 0}, .upper = {0.5 * range, 0.5 * range}, .step = {2e-4 * range, 2e-4 * range}, .starts = {}};
+  const double slowest = 0.003 * range, fastest = 0.2 * range / scales.sample_period_s;
+  MechanismBounds bounds{.lower = {0, 0, slowest},
+                         .upper = {0.5 * range, 0.5 * range, fastest},
+                         .step = {1e-4 * range, 1e-4 * range, 1e-3 * range},
+                         .starts = {}};
   for (const double breakaway : spread(0.003 * range, 0.12 * range, 4)) {
-    bounds.starts.push_back({breakaway, 0.65 * breakaway});
+    for (const double speed : {0.05 * range, 0.3 * range, 2 * range}) {
+      bounds.starts.push_back({breakaway, 0.65 * breakaway, speed});
+    }
   }
   return bounds;
+}
+
+void reshape(std::span<const double> parameters, ValveBlocks blocks) {
+  blocks.friction.breakaway_a += parameters[kBreakaway];
+  blocks.friction.kinetic_a += std::min(parameters[kKinetic], parameters[kBreakaway]);
+  blocks.friction.stribeck_a_per_s = parameters[kStribeck];
 }
 
 /// The way of the driver that sticks is taken off the signal, so that noise on a held input does not move the spool and
@@ -57,7 +73,7 @@ extern constinit const Mechanism kFriction{
     .family = "memory",
     .origin = "valve",
     .wrong = "sticks until the force difference passes breakaway, then slips (stiction, Coulomb)",
-    .law = "held while |x − held| ≤ F_s, else held ← x − sign(x − held) min(F_k, F_s)",
+    .law = "|f| ≤ F_s at rest, f = sign(ẋ) (F_k + (F_s − F_k) exp(−(ẋ/v_s)²)) in motion",
     .source =
         "Armstrong-Hélouvry, Dupont, Canudas de Wit, Automatica 30 (1994) 1083; Choudhury, Thornhill, Shah, "
         "Control Eng. Practice 13 (2005) 641",
@@ -71,6 +87,7 @@ extern constinit const Mechanism kFriction{
     .bounds = bounds,
     .apply = apply,
     .tangent = nullptr,
-    .reshape = nullptr};
+    .reshape = reshape,
+    .blocks_alone = true};
 
 }  // namespace valvetriage

@@ -8,6 +8,7 @@
 
 #include "core/model/magnetic_loop.h"
 #include "core/model/orifice_volume.h"
+#include "core/model/spool_friction.h"
 #include "core/model/valve_dynamics.h"
 #include "core/recording/recording.h"
 
@@ -74,6 +75,7 @@ struct ValveBlocks {
   MagneticLoop& loop;
   ValveDynamics& spool;
   OrificeVolume& volume;
+  SpoolFriction& friction;
 };
 
 /// One physical cause: its law, where it comes from, what it looks like, what it is confused with. One file each.
@@ -106,6 +108,11 @@ struct Mechanism {
   /// The law on the valve's blocks. A law of another place has it too where a block of the valve must know of it; a
   /// model without that block does with `apply` alone. Null otherwise.
   void (*reshape)(std::span<const double> parameters, ValveBlocks blocks);
+
+  /// How many of the last parameters every recording has its own of: the phase of a tone that does not stop between.
+  std::size_t own_per_recording = 0;
+  /// In a valve `reshape` alone acts; `apply` is for models without the valve's blocks.
+  bool blocks_alone = false;
 };
 
 /// Every mechanism there is, in the order of the contract's table. The list is made by CMake from the files of this

@@ -71,6 +71,7 @@ extern constinit const Mechanism kPeriodicDisturbance{
     .bounds = bounds,
     .apply = apply,
     .tangent = nullptr,
-    .reshape = nullptr};
+    .reshape = nullptr,
+    .own_per_recording = 1};
 
 }  // namespace valvetriage

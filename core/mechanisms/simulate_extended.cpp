@@ -73,13 +73,15 @@ Result<std::vector<Law>> laws_of(const Model& model, const Surroundings& around)
 Result<Model> reshaped(Model model, std::span<const Law> laws) {
   for (const Law& law : laws) {
     const Mechanism& mechanism = *law.mechanism;
-    if (!mechanism.reshape) continue;
+    if (!mechanism.reshape || (mechanism.blocks_alone && !model.map)) continue;
     MagneticLoop loop = model.loop.value_or(MagneticLoop{});
     ValveDynamics spool{.delay_s = model.dynamics.delay_s};
     OrificeVolume volume = model.volume.value_or(OrificeVolume{});
     if (volume.highest_psi == 0 && model.map) volume.highest_psi = model.map->output.back();
     const OrificeVolume before = volume;
-    mechanism.reshape(law.parameters, {loop, spool, volume});
+    SpoolFriction friction = model.friction.value_or(SpoolFriction{});
+    mechanism.reshape(law.parameters, {loop, spool, volume, friction});
+    if (friction.breakaway_a > 0) model.friction = friction;
     const bool needs_volume = mechanism.place == Place::kPhysics && !(volume == before);
     if (needs_volume && !model.volume) {
       return fail("needs_volume", fmt::format("{} acts on a fluid volume, and the model has none", mechanism.cause));
@@ -121,6 +123,12 @@ void run_laws(std::span<const Law> laws, Place place, const LawContext& context,
 
 bool any_at(std::span<const Law> laws, Place place) {
   return std::any_of(laws.begin(), laws.end(), [&](const Law& law) { return law.mechanism->place == place; });
+}
+
+/// Those that act on signals of this model: in a valve, without the ones that act on its blocks alone.
+std::vector<Law> signal_laws_of(const Model& model, std::vector<Law> laws) {
+  std::erase_if(laws, [&](const Law& law) { return model.map && law.mechanism->blocks_alone; });
+  return laws;
 }
 
 IntervalSignal behind_input_laws(const IntervalSignal& input, std::span<const Law> laws, LawContext context,
@@ -184,7 +192,7 @@ Result<std::vector<double>> run(const Model& model, const IntervalSignal& input,
       run_laws(*laws, Place::kOutput, here, y);
     };
   }
-  const IntervalSignal moved = behind_input_laws(input, *laws, context, sample_period_s);
+  const IntervalSignal moved = behind_input_laws(input, signal_laws_of(model, *laws), context, sample_period_s);
   return free_run(*changed, signal_laws, moved, sample_period_s, measured, initial, horizon);
 }
 

@@ -8,6 +8,7 @@
 
 #include "core/model/magnetic_loop.h"
 #include "core/model/orifice_volume.h"
+#include "core/model/spool_friction.h"
 #include "core/model/static_map.h"
 #include "core/model/transfer_function.h"
 #include "core/recording/intersample.h"
@@ -41,6 +42,7 @@ struct Model {
   std::optional<OrificeVolume> volume;
   double input_offset = 0;   ///< unit of the input
   double output_offset = 0;  ///< unit of the output
+  std::optional<SpoolFriction> friction;  ///< of a valve's spool; made from `mechanisms`, never stored by itself
   std::vector<MechanismUse>
       mechanisms;  ///< in the order they were found; run by core/mechanisms, not by the linear core
 };

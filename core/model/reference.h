@@ -44,6 +44,21 @@ struct ReferenceMember {
   bool used = true;     ///< false: pointed out as unlike the others and left out
 };
 
+/// How much of a cause good valves seem to have, each against the population of the others: what noise, spread and the
+/// simulation's own bias make of it where nothing is wrong.
+struct CauseOnGoodValves {
+  std::string cause;
+  double evidence_mean = 0;  ///< reduction of the whitened cost, noise colour taken off
+  double size_mean = 0;      ///< of the law's size parameter
+  double size_sd = 0;
+};
+
+/// How unevenly good valves' residuals are spread: ln of a group of samples' mean square over the noise's.
+struct LeftoverOnGoodValves {
+  std::string group;
+  double mean = 0, sd = 0;
+};
+
 /// A population of good valves, learned from their recordings; not a curve.
 ///
 /// Parameter vector of one valve, p entries: `parameters` in their order, then the map's knot outputs. `covariance` is
@@ -69,6 +84,8 @@ struct Reference {
   std::vector<std::string> tests;  ///< kinds of test seen
   Eq20Window window;               ///< default window, where no rule base brings its own
   std::vector<LevelPopulation> levels;
+  std::vector<CauseOnGoodValves> causes;
+  std::vector<LeftoverOnGoodValves> leftovers;
 };
 
 }  // namespace valvetriage

@@ -73,10 +73,25 @@ struct StartState {
   double volume_gap = 0;
 };
 
+/// Friction's part in a second-order spool's response: what the sliding spool does beside the free one.
+void slide(const SpoolFriction& friction, const TransferFunction& g, const LinearFilter& filter,
+           const IntervalSignal& v, double sample_period_s, std::span<double> y) {
+  if (g.poles.size() != 2) return;
+  ValveDynamics spool{.delay_s = g.delay_s, .natural_frequency_rad_s = std::sqrt(std::abs(g.poles[0] * g.poles[1]))};
+  spool.damping_ratio = -(g.poles[0] + g.poles[1]).real() / (2 * spool.natural_frequency_rad_s);
+  FilterState rest = filter.steady(v.start.front()).value_or(filter.rest());
+  rest.past = v.start.front();
+  std::vector<double> free(y.size()), sliding(y.size());
+  filter.run(rest, std::span(v.start).first(y.size()), std::span(v.end).first(y.size()), free);
+  run_sliding_spool(spool, friction, sample_period_s, v, 0, sliding);
+  for (std::size_t i = 0; i < y.size(); ++i) y[i] += sliding[i] - free[i];
+}
+
 /// The response from a state on, as many samples as `y` has.
 void respond(const Model& model, const SignalLaws& laws, const LinearFilter& filter, const IntervalSignal& v,
              StartState from, double sample_period_s, std::span<double> y) {
   filter.run(from.filter, std::span(v.start).first(y.size()), std::span(v.end).first(y.size()), y);
+  if (model.friction && !y.empty()) slide(*model.friction, model.dynamics, filter, v, sample_period_s, y);
   if (laws.at_position) laws.at_position(y);
   if (model.map) model.map->apply(y);
   if (laws.at_steady) laws.at_steady(y);

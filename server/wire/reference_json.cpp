@@ -34,9 +34,20 @@ Json to_json(const LevelPopulation& level) {
               {"rise_time_sd_s", level.rise_time_sd_s}};
 }
 
+Json to_json(const CauseOnGoodValves& cause) {
+  return Json{{"cause", cause.cause},
+              {"evidence_mean", cause.evidence_mean},
+              {"size_mean", cause.size_mean},
+              {"size_sd", cause.size_sd}};
+}
+
+Json to_json(const LeftoverOnGoodValves& leftover) {
+  return Json{{"group", leftover.group}, {"mean", leftover.mean}, {"sd", leftover.sd}};
+}
+
 /// Everything that makes the reference what it is.
 Json content(const Reference& reference) {
-  return Json{{"schema", "valvetriage.reference/1"},
+  Json document{{"schema", "valvetriage.reference/1"},
               {"valve_type", reference.valve_type},
               {"valves", reference.valves},
               {"members", list_to_json(reference.members, to_json)},
@@ -53,6 +64,9 @@ Json content(const Reference& reference) {
               {"tests", reference.tests},
               {"window", {{"rate_hz", reference.window.rate_hz}, {"duration_s", reference.window.duration_s}}},
               {"levels", list_to_json(reference.levels, to_json)}};
+  if (!reference.causes.empty()) document["causes"] = list_to_json(reference.causes, to_json);
+  if (!reference.leftovers.empty()) document["leftovers"] = list_to_json(reference.leftovers, to_json);
+  return document;
 }
 
 ReferenceMember member_from_json(JsonFields fields) {
@@ -84,6 +98,17 @@ LevelPopulation level_from_json(JsonFields fields) {
           .settling_error_sd = fields.number("settling_error_sd"),
           .rise_time_mean_s = fields.number("rise_time_mean_s"),
           .rise_time_sd_s = fields.number("rise_time_sd_s")};
+}
+
+CauseOnGoodValves cause_from_json(JsonFields fields) {
+  return {.cause = fields.text("cause"),
+          .evidence_mean = fields.number("evidence_mean"),
+          .size_mean = fields.number("size_mean"),
+          .size_sd = fields.number("size_sd")};
+}
+
+LeftoverOnGoodValves leftover_from_json(JsonFields fields) {
+  return {.group = fields.text("group"), .mean = fields.number("mean"), .sd = fields.number("sd")};
 }
 
 void check_sizes(JsonFields& fields, const Reference& reference) {
@@ -143,6 +168,14 @@ Result<Reference> reference_from_json(const Json& document) {
   JsonFields window = fields.object("window");
   reference.window = {.rate_hz = window.number("rate_hz"), .duration_s = window.number("duration_s")};
   for (JsonFields& level : fields.objects("levels")) reference.levels.push_back(level_from_json(level));
+  if (fields.has("causes")) {
+    for (JsonFields& cause : fields.objects("causes")) reference.causes.push_back(cause_from_json(cause));
+  }
+  if (fields.has("leftovers")) {
+    for (JsonFields& leftover : fields.objects("leftovers")) {
+      reference.leftovers.push_back(leftover_from_json(leftover));
+    }
+  }
   if (reference.members.size() > kMaxReferenceMembers || reference.levels.size() > kMaxReferenceLevels) {
     fields.refuse("", "too_large", "too many members or levels");
   }

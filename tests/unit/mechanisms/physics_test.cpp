@@ -14,8 +14,9 @@ OrificeVolume spoiled(std::string_view cause, double parameter) {
   MagneticLoop loop;
   ValveDynamics spool;
   OrificeVolume volume = kHealthy;
+  SpoolFriction friction;
   const std::vector<double> parameters(find_mechanism(cause)->parameters.size(), parameter);
-  find_mechanism(cause)->reshape(parameters, {loop, spool, volume});
+  find_mechanism(cause)->reshape(parameters, {loop, spool, volume, friction});
   return volume;
 }
 
@@ -39,7 +40,8 @@ TEST(Physics, NeutralLawsLeaveTheBlocksAsTheyAre) {
     MagneticLoop loop{.width_a = 0.004};
     ValveDynamics spool{.delay_s = 0.004, .natural_frequency_rad_s = 300};
     OrificeVolume volume = kHealthy;
-    law->reshape(std::vector<double>{law->neutral}, {loop, spool, volume});
+    SpoolFriction friction;
+    law->reshape(std::vector<double>{law->neutral}, {loop, spool, volume, friction});
     EXPECT_EQ(loop.width_a, 0.004) << law->cause;
     EXPECT_EQ(spool.delay_s, 0.004) << law->cause;
     EXPECT_EQ(volume, kHealthy) << law->cause;
@@ -50,8 +52,9 @@ TEST(Physics, AWiderLoopAndALaterValveAddUp) {
   MagneticLoop loop{.width_a = 0.004};
   ValveDynamics spool{.delay_s = 0.004};
   OrificeVolume volume = kHealthy;
-  find_mechanism("hysteresis")->reshape(std::vector<double>{0.01}, {loop, spool, volume});
-  find_mechanism("transport_delay")->reshape(std::vector<double>{0.02}, {loop, spool, volume});
+  SpoolFriction friction;
+  find_mechanism("hysteresis")->reshape(std::vector<double>{0.01}, {loop, spool, volume, friction});
+  find_mechanism("transport_delay")->reshape(std::vector<double>{0.02}, {loop, spool, volume, friction});
   EXPECT_DOUBLE_EQ(loop.width_a, 0.014);
   EXPECT_DOUBLE_EQ(spool.delay_s, 0.024);
 }
@@ -95,6 +98,7 @@ TEST(Physics, AnAsymmetricVolumeIsSlowerOneWayOnly) {
 
 TEST(Physics, ARelievedVolumeStopsAtItsLevelAndLeavesItAtOnce) {
   OrificeVolume volume = kHealthy;
+  SpoolFriction friction;
   volume.ceiling_psi = 100;
   std::vector<double> steady(200, 200.0);
   std::fill(steady.begin() + 100, steady.end(), 20.0);

@@ -1,0 +1,25 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+namespace valvetriage {
+
+/// Valve-to-valve covariance of [parameters | knot outputs] from a handful of good valves.
+///
+///   C = s² [ (1 − λ) S + λ T ]
+///
+/// S is the sample covariance. T knows what differs between valves: parameters independently, each with its own
+/// variance; maps as a Gaussian process with a common shift along the input, local shifts over a tenth of an ampere, a
+/// gain, an offset and a part of each knot's own, their sizes by maximum likelihood. λ is what predicts each valve best
+/// from the others (leave-one-out likelihood); s² ≥ 1 makes the mean squared distance of a left-out valve what it
+/// claims to be. A covariance ten times too tight would accuse good valves, one ten times too loose would miss faults.
+///
+/// vectors     one column per valve, p rows, at least 2
+/// parameters  how many of the rows stand before the knots
+/// knots       inputs of the knots, p − parameters, evenly spaced [A]
+/// Source      shrinkage: Ledoit, Wolf, J. Multivariate Analysis 88 (2004) 365
+Eigen::MatrixXd population_covariance(const Eigen::MatrixXd& vectors, Eigen::Index parameters,
+                                      const std::vector<double>& knots);
+
+}  // namespace valvetriage

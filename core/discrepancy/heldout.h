@@ -1,0 +1,17 @@
+#pragma once
+
+#include "core/discrepancy/discrepancy.h"
+#include "core/discrepancy/valve_explanation.h"
+
+namespace valvetriage {
+
+/// What an explanation gains on samples that took no part in its fit.
+///
+/// Folds are recordings where there are at least three, else blocks of a quarter of a recording, the first never held
+/// out. For each fold baseline and explanation are fitted again without it (one Gauss-Newton step of the exact normal
+/// equations without the fold's rows), simulated freely on it from its own initial state, and compared. The explanation
+/// is only used where it pays on the samples that were kept: choosing is nested. The interval is of a bootstrap over
+/// blocks, seeded by nothing but the data's size.
+DiscrepancyGain measure_gain(const Explanation& baseline, const Explanation& extended);
+
+}  // namespace valvetriage

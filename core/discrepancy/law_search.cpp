@@ -1,0 +1,254 @@
+#include "core/discrepancy/law_search.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace valvetriage {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+/// A signature below this is no effect that the recordings could show: a hundredth of one sample's noise.
+constexpr double kLeastEffect = 1e-4;
+
+/// One law around a linearised valve: simulated for any parameters, compared in the projected metric.
+class Search {
+ public:
+  Search(const LinearisedValve& fit, const ValveFitOptions& options, const LawInFit& law)
+      : fit_(fit), options_(with(options, law)), problem_(fit.problem(), options_), law_(options_.laws.back()) {}
+
+  int simulations() const { return simulations_; }
+
+  LinearisedValve::Signature effect(const std::vector<double>& parameters) {
+    Stack column;
+    const VectorXd v = fit_.problem().continued_in(problem_, fit_.at(), parameters);
+    for (std::size_t r = 0; r < problem_.recordings(); ++r) {
+      if (!problem_.acts(law_, r)) {
+        column.push_back(VectorXd::Zero(fit_.error()[r].size()));
+        continue;
+      }
+      ++simulations_;
+      column.push_back(fit_.whitened(r, simulated(v, r)));
+    }
+    return fit_.signature(std::move(column));
+  }
+
+  /// Of the whole vector, everything simulated.
+  double cost(const VectorXd& baseline, const std::vector<double>& parameters) {
+    simulations_ += static_cast<int>(problem_.recordings());
+    return problem_.cost(fit_.problem().continued_in(problem_, baseline, parameters));
+  }
+
+  /// The effect of parameters that differ from those of `at` in one recording's own entry only.
+  LinearisedValve::Signature effect_of_own(const std::vector<double>& parameters, std::size_t recording,
+                                           const LinearisedValve::Signature& at) {
+    Stack column = at.column;
+    const VectorXd v = fit_.problem().continued_in(problem_, fit_.at(), parameters);
+    ++simulations_;
+    column[recording] = fit_.whitened(recording, simulated(v, recording));
+    return fit_.signature(std::move(column));
+  }
+  /// The recording whose own entry j is; empty for a shared one.
+  std::optional<std::size_t> owner(std::size_t j) const {
+    if (j < law_.shared()) return std::nullopt;
+    return (j - law_.shared()) / law_.own();
+  }
+
+  std::vector<double> clamped(std::vector<double> parameters) const {
+    for (std::size_t j = 0; j < parameters.size(); ++j) {
+      const std::size_t k = std::min(j, index_of_law(j));
+      parameters[j] = std::clamp(parameters[j], law_.lower[k], law_.upper[k]);
+    }
+    return parameters;
+  }
+  /// The entry of the law's own table behind entry j of a search's vector.
+  std::size_t index_of_law(std::size_t j) const {
+    return j < law_.shared() ? j : law_.shared() + (j - law_.shared()) % std::max<std::size_t>(law_.own(), 1);
+  }
+  double step(std::size_t j) const { return law_.step[index_of_law(j)]; }
+  double upper(std::size_t j) const { return law_.upper[index_of_law(j)]; }
+  Index freedoms() const {
+    Index varied = 0;
+    for (std::size_t j = 0; j < law_.law->parameters.size(); ++j) {
+      if (law_.step[j] > 0) varied += j < law_.shared() ? 1 : static_cast<Index>(problem_.recordings());
+    }
+    return varied;
+  }
+
+ private:
+  static ValveFitOptions with(ValveFitOptions options, const LawInFit& law) {
+    options.laws.push_back(law);
+    return options;
+  }
+
+  std::vector<double> simulated(const VectorXd& v, std::size_t r) const {
+    if (law_.law->place != Place::kOutput || law_.law->reshape) return problem_.simulate(v, r);
+    // Behind everything: nothing before it changes.
+    std::vector<double> output = fit_.run(r).output;
+    LawContext context = problem_.context(v, r);
+    context.steady = fit_.run(r).steady;
+    law_.law->apply(problem_.law_parameters(v, options_.laws.size() - 1, r), context, output);
+    return output;
+  }
+
+  const LinearisedValve& fit_;
+  ValveFitOptions options_;
+  ValveFitProblem problem_;
+  const LawInFit& law_;
+  int simulations_ = 0;
+};
+
+struct Point {
+  std::vector<double> parameters;
+  LinearisedValve::Signature effect;
+  double cost = 0;  ///< relative to no law
+};
+
+/// The size that explains most, where the effect grows in proportion to it.
+std::vector<double> scaled(const Point& point, const LinearisedValve& fit, const Mechanism& law) {
+  if (!std::isfinite(law.neutral)) return point.parameters;
+  const double share = fit.against_error(point.effect) / fit.product(point.effect, point.effect);
+  if (!(share > 0.01)) return point.parameters;
+  std::vector<double> parameters = point.parameters;
+  if (law.size_parameter >= parameters.size()) return parameters;
+  double& size = parameters[law.size_parameter];
+  size = law.neutral + share * (size - law.neutral);
+  return parameters;
+}
+
+std::optional<Point> best_start(Search& search, const LinearisedValve& fit,
+                                const std::vector<std::vector<double>>& starts) {
+  std::optional<Point> best;
+  double best_gain = -1;
+  for (const std::vector<double>& start : starts) {
+    Point point{.parameters = search.clamped(start)};
+    point.effect = search.effect(point.parameters);
+    const double size = fit.product(point.effect, point.effect);
+    if (!(size > kLeastEffect)) continue;
+    const double against = fit.against_error(point.effect);
+    const double gain = against > 0 ? against * against / size : 0;
+    point.cost = fit.cost_without(point.effect);
+    if (gain > best_gain) {
+      best_gain = gain;
+      best = std::move(point);
+    }
+  }
+  return best;
+}
+
+/// One damped Gauss-Newton step; false where none lowers the cost.
+bool descend(Search& search, const LinearisedValve& fit, Point& point, double& damping) {
+  std::vector<LinearisedValve::Signature> slope;
+  std::vector<std::size_t> varied;
+  for (std::size_t j = 0; j < point.parameters.size(); ++j) {
+    if (search.step(j) > 0) varied.push_back(j);
+  }
+  const std::size_t k = varied.size();
+  for (const std::size_t j : varied) {
+    std::vector<double> moved = point.parameters;
+    const double step = moved[j] + search.step(j) > search.upper(j) ? -search.step(j) : search.step(j);
+    moved[j] += step;
+    const auto owner = search.owner(j);
+    LinearisedValve::Signature there =
+        owner ? search.effect_of_own(moved, *owner, point.effect) : search.effect(moved);
+    for (std::size_t r = 0; r < there.column.size(); ++r) {
+      there.column[r] = (there.column[r] - point.effect.column[r]) / step;
+    }
+    there.load = (there.load - point.effect.load) / step;
+    there.absorbed = (there.absorbed - point.effect.absorbed) / step;
+    slope.push_back(std::move(there));
+  }
+  if (k == 0) return false;
+  MatrixXd a(k, k);
+  VectorXd b(k);
+  for (std::size_t i = 0; i < k; ++i) {
+    const auto row = static_cast<Index>(i);
+    b(row) = fit.against_error(slope[i]) - fit.product(slope[i], point.effect);
+    for (std::size_t j = 0; j < k; ++j) a(row, static_cast<Index>(j)) = fit.product(slope[i], slope[j]);
+  }
+  for (int attempt = 0; attempt < 4; ++attempt) {
+    MatrixXd damped = a;
+    damped.diagonal() *= 1 + damping;
+    damped.diagonal().array() += 1e-12 * std::max(a.diagonal().maxCoeff(), 1e-12);
+    const VectorXd move = damped.ldlt().solve(b);
+    Point tried{.parameters = point.parameters};
+    for (std::size_t j = 0; j < k; ++j) tried.parameters[varied[j]] += move(static_cast<Index>(j));
+    tried.parameters = search.clamped(tried.parameters);
+    tried.effect = search.effect(tried.parameters);
+    tried.cost = fit.cost_without(tried.effect);
+    if (std::isfinite(tried.cost) && tried.cost < point.cost) {
+      point = std::move(tried);
+      damping = std::max(damping / 10, 1e-6);
+      return true;
+    }
+    damping *= 10;
+  }
+  return false;
+}
+
+/// The law at no effect.
+LawFit nothing_found(const LinearisedValve& fit, const LawInFit& law, const Search& search) {
+  LawFit nothing{.law = law,
+                 .parameters = std::vector<double>(law.shared() + law.own() * fit.error().size(), 0.0),
+                 .freedoms = std::max<Index>(1, search.freedoms()),
+                 .baseline = fit.at(),
+                 .residual = fit.error(),
+                 .simulations = search.simulations()};
+  for (std::size_t j = 0; j < law.shared(); ++j) nothing.parameters[j] = law.start[j];
+  if (law.law->size_parameter < law.shared()) {
+    const std::size_t at = law.law->size_parameter;
+    nothing.parameters[at] = std::clamp(law.law->neutral, law.lower[at], law.upper[at]);
+  }
+  return nothing;
+}
+
+}  // namespace
+
+std::optional<LawFit> search_law(const LinearisedValve& fit, const ValveFitOptions& options, const LawInFit& law,
+                                 const std::vector<std::vector<double>>& starts, int most_steps) {
+  Search search(fit, options, law);
+  std::optional<Point> point = best_start(search, fit, starts);
+  if (!point) return std::nullopt;
+  Point proportional{.parameters = search.clamped(scaled(*point, fit, *law.law))};
+  // An effect that is much too large has to shrink before differences tell anything.
+  for (int halving = 0; halving < 4 && proportional.parameters != point->parameters; ++halving) {
+    proportional.effect = search.effect(proportional.parameters);
+    proportional.cost = fit.cost_without(proportional.effect);
+    if (proportional.cost < point->cost) {
+      point = std::move(proportional);
+      break;
+    }
+    if (point->cost < 0 || law.law->size_parameter >= proportional.parameters.size()) break;
+    double& size = proportional.parameters[law.law->size_parameter];
+    size = law.law->neutral + 0.5 * (size - law.law->neutral);
+  }
+  double damping = 1e-3;
+  constexpr double kSmallestGain = 0.05;  // of a cost in noise variances: far below what any decision turns on
+  for (int step = 0; step < most_steps; ++step) {
+    const double before = point->cost;
+    if (!descend(search, fit, *point, damping) || before - point->cost < kSmallestGain) break;
+  }
+  if (!(point->cost < 0)) return nothing_found(fit, law, search);
+  LawFit found{.law = law,
+               .parameters = point->parameters,
+               .reduction = std::max(0.0, -point->cost),
+               .freedoms = std::max<Index>(1, search.freedoms()),
+               .baseline = fit.at() + fit.shift_without(point->effect),
+               .residual = fit.residual_without(point->effect)};
+  // A law that the valve could absorb shows a false gain where the valve's moves are only linear: simulate them.
+  for (const double share : {1.0, 0.5}) {
+    std::vector<double> parameters = found.parameters;
+    const std::size_t size = law.law->size_parameter;
+    if (share < 1 && (size >= law.shared() || !std::isfinite(law.law->neutral))) break;
+    if (share < 1) parameters[size] = law.law->neutral + share * (parameters[size] - law.law->neutral);
+    const VectorXd moved = fit.at() + share * (found.baseline - fit.at());
+    found.verified = std::max(found.verified, fit.cost() - search.cost(moved, parameters));
+    if (found.verified > 0.5 * found.reduction) break;
+  }
+  found.simulations = search.simulations();
+  return found;
+}
+
+}  // namespace valvetriage

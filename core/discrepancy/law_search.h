@@ -1,0 +1,33 @@
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "core/discrepancy/linearised_valve.h"
+
+namespace valvetriage {
+
+/// What a search for one law found.
+struct LawFit {
+  LawInFit law;                    ///< bounds, and where it acts
+  std::vector<double> parameters;  ///< shared ones, then each recording's own
+  double reduction = 0;            ///< of the whitened cost, everything the valve can absorb taken off, ≥ 0
+  double verified = 0;             ///< the same with the valve's own moves simulated too, ≥ 0
+  Eigen::Index freedoms = 0;       ///< parameters fitted
+  Eigen::VectorXd baseline;        ///< the linearised fit's vector, moved to where it would be beside the law
+  Stack residual;                  ///< whitened, what is left beside the law
+  int simulations = 0;
+};
+
+/// The parameters of one law that explain most of a linearised fit's residual.
+///
+/// Every start is tried; the best goes through a few bounded Gauss-Newton steps in the projected metric, the law itself
+/// always simulated, the valve around it linear. `law.start` is ignored, `starts` holds vectors of the law's parameters
+/// (own ones of every recording behind the shared ones).
+///
+/// options   of the fit behind `fit`; the law is appended behind its laws
+/// returns   empty where no start has any effect on these recordings: the data do not excite it
+std::optional<LawFit> search_law(const LinearisedValve& fit, const ValveFitOptions& options, const LawInFit& law,
+                                 const std::vector<std::vector<double>>& starts, int most_steps);
+
+}  // namespace valvetriage

@@ -1,0 +1,83 @@
+#include "core/discrepancy/linearised_valve.h"
+
+#include <cmath>
+
+namespace valvetriage {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+LinearisedValve::LinearisedValve(const ValveFitProblem& problem, VectorXd v) : problem_(problem), v_(std::move(v)) {
+  normal_ = {MatrixXd::Zero(problem.size(), problem.size()), VectorXd::Zero(problem.size())};
+  for (std::size_t r = 0; r < problem.recordings(); ++r) {
+    rows_.push_back(problem.rows(v_, r));
+    error_.push_back(rows_.back().error);
+    runs_.push_back(problem.run(v_, r, false));
+    problem.accumulate(rows_.back(), 0, rows_.back().error.size(), r, normal_);
+    samples_ += weight() * static_cast<double>(rows_.back().error.size());
+  }
+  problem.add_penalty(v_, normal_);
+  // A recording that says nothing about a knot leaves a zero on the diagonal where there is no prior.
+  normal_.a.diagonal().array() += 1e-12 * normal_.a.diagonal().maxCoeff();
+  factor_.compute(normal_.a);
+  newton_ = factor_.solve(normal_.b);
+  cost_ = problem.cost(v_);
+}
+
+VectorXd LinearisedValve::whitened(std::size_t recording, std::span<const double> simulated) const {
+  const auto& samples = rows_[recording].sample;
+  const std::vector<double>& own = runs_[recording].output;
+  const double whiten = std::sqrt(problem_.inverse_variance(recording));
+  VectorXd column(static_cast<Index>(samples.size()));
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    column(static_cast<Index>(i)) = whiten * (simulated[samples[i]] - own[samples[i]]);
+  }
+  return column;
+}
+
+LinearisedValve::Signature LinearisedValve::signature(Stack column) const {
+  Signature signature{.column = std::move(column), .load = VectorXd::Zero(problem_.size())};
+  const Index shared = problem_.shared();
+  for (std::size_t r = 0; r < rows_.size(); ++r) {
+    const VectorXd local = weight() * (rows_[r].jacobian.transpose() * signature.column[r]);
+    signature.load.head(shared) += local.head(shared);
+    signature.load.segment(problem_.own_at(r), problem_.own()) += local.tail(problem_.own());
+  }
+  signature.absorbed = factor_.solve(signature.load);
+  return signature;
+}
+
+double LinearisedValve::product(const Signature& a, const Signature& b) const {
+  double sum = -a.load.dot(b.absorbed);
+  for (std::size_t r = 0; r < rows_.size(); ++r) sum += weight() * a.column[r].dot(b.column[r]);
+  return sum;
+}
+
+double LinearisedValve::against_error(const Signature& a) const {
+  double sum = -a.load.dot(newton_);
+  for (std::size_t r = 0; r < rows_.size(); ++r) sum += weight() * a.column[r].dot(error_[r]);
+  return sum;
+}
+
+double LinearisedValve::cost_without(const Signature& taken) const {
+  return product(taken, taken) - 2 * against_error(taken);
+}
+
+Stack LinearisedValve::residual_without(const Signature& taken) const {
+  const VectorXd shift = shift_without(taken);
+  const Index shared = problem_.shared();
+  Stack left;
+  for (std::size_t r = 0; r < rows_.size(); ++r) {
+    const auto own = shift.segment(problem_.own_at(r), problem_.own());
+    left.push_back(error_[r] - taken.column[r] - rows_[r].jacobian.leftCols(shared) * shift.head(shared) -
+                   rows_[r].jacobian.rightCols(problem_.own()) * own);
+  }
+  return left;
+}
+
+VectorXd LinearisedValve::shift_without(const Signature& taken) const {
+  return newton_ - taken.absorbed;
+}
+
+}  // namespace valvetriage

@@ -1,0 +1,123 @@
+#include "core/discrepancy/tones.h"
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <numbers>
+#include <unsupported/Eigen/FFT>
+
+namespace valvetriage {
+namespace {
+
+using Eigen::Index;
+
+// A line shorter than this many periods is a drift, not a tone.
+constexpr double kFewestPeriods = 3;
+// The background of a line: the median over this many bins to either side.
+constexpr std::size_t kBackgroundBins = 24;
+
+/// Eigen's transform is quadratic in large primes: lengths of 2, 3 and 5 alone.
+std::size_t smooth_length(std::size_t least) {
+  for (std::size_t n = least;; ++n) {
+    std::size_t rest = n;
+    for (const std::size_t p : {2u, 3u, 5u}) {
+      while (rest % p == 0) rest /= p;
+    }
+    if (rest == 1) return n;
+  }
+}
+
+/// The whitened residual on the grid of every row, zero where there is none.
+std::vector<double> on_grid(const LinearisedValve& fit, std::size_t r, std::size_t length) {
+  std::vector<double> series(length, 0.0);
+  const auto stride = static_cast<std::size_t>(fit.weight());
+  const auto& samples = fit.rows()[r].sample;
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    series[samples[i] / stride] = fit.error()[r](static_cast<Index>(i));
+  }
+  return series;
+}
+
+void divide_by_background(std::vector<double>& power) {
+  std::vector<double> background(power.size());
+  std::vector<double> window;
+  for (std::size_t k = 0; k < power.size(); ++k) {
+    const std::size_t first = k > kBackgroundBins ? k - kBackgroundBins : 0;
+    const std::size_t last = std::min(power.size(), k + kBackgroundBins + 1);
+    window.assign(power.begin() + static_cast<std::ptrdiff_t>(first), power.begin() + static_cast<std::ptrdiff_t>(last));
+    const auto middle = window.begin() + static_cast<std::ptrdiff_t>(window.size() / 2);
+    std::nth_element(window.begin(), middle, window.end());
+    background[k] = *middle;
+  }
+  for (std::size_t k = 0; k < power.size(); ++k) power[k] /= std::max(background[k], 1e-300);
+}
+
+/// Least squares of a sine and a cosine in each recording.
+void fit_phases(const LinearisedValve& fit, double sample_period_s, Tone& tone) {
+  double squares = 0;
+  for (std::size_t r = 0; r < fit.error().size(); ++r) {
+    double ss = 0, sc = 0, cc = 0, se = 0, ce = 0;
+    const double whiten = std::sqrt(fit.problem().inverse_variance(r));
+    for (std::size_t i = 0; i < fit.rows()[r].sample.size(); ++i) {
+      const double t = static_cast<double>(fit.rows()[r].sample[i]) * sample_period_s;
+      const double s = std::sin(2 * std::numbers::pi * tone.frequency_hz * t);
+      const double c = std::cos(2 * std::numbers::pi * tone.frequency_hz * t);
+      const double e = fit.error()[r](static_cast<Index>(i)) / whiten;
+      ss += s * s, sc += s * c, cc += c * c, se += s * e, ce += c * e;
+    }
+    const double determinant = ss * cc - sc * sc;
+    const double a = determinant > 0 ? (cc * se - sc * ce) / determinant : 0;
+    const double b = determinant > 0 ? (ss * ce - sc * se) / determinant : 0;
+    tone.phase_rad.push_back(std::atan2(b, a));
+    squares += a * a + b * b;
+  }
+  tone.amplitude = std::sqrt(squares / static_cast<double>(std::max<std::size_t>(fit.error().size(), 1)));
+}
+
+}  // namespace
+
+std::vector<Tone> strongest_tones(const LinearisedValve& fit, std::size_t most) {
+  const double sample_period_s = fit.problem().recording(0).sample_period_s;
+  const double grid_s = sample_period_s * fit.weight();
+  std::size_t longest = 0;
+  for (const auto& rows : fit.rows()) {
+    if (!rows.sample.empty()) {
+      longest = std::max(longest, rows.sample.back() / static_cast<std::size_t>(fit.weight()) + 1);
+    }
+  }
+  if (longest < 16) return {};
+  const std::size_t length = smooth_length(2 * longest);
+  std::vector<double> sum(length / 2, 0.0);
+  Eigen::FFT<double> transform;
+  for (std::size_t r = 0; r < fit.error().size(); ++r) {
+    if (fit.problem().recording(r).sample_period_s != sample_period_s) continue;
+    std::vector<std::complex<double>> spectrum;
+    std::vector<double> series = on_grid(fit, r, length);
+    transform.fwd(spectrum, series);
+    std::vector<double> power(sum.size());
+    for (std::size_t k = 0; k < power.size(); ++k) power[k] = std::norm(spectrum[k]);
+    divide_by_background(power);
+    for (std::size_t k = 0; k < power.size(); ++k) sum[k] += power[k];
+  }
+  const double bin_hz = 1.0 / (static_cast<double>(length) * grid_s);
+  const auto first = static_cast<std::size_t>(std::ceil(kFewestPeriods / (static_cast<double>(longest) * grid_s) / bin_hz));
+  std::vector<Tone> tones;
+  std::vector<std::size_t> order;
+  for (std::size_t k = std::max<std::size_t>(first, 1); k + 1 < sum.size(); ++k) {
+    if (sum[k] >= sum[k - 1] && sum[k] > sum[k + 1]) order.push_back(k);
+  }
+  std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return sum[a] > sum[b]; });
+  for (const std::size_t k : order) {
+    if (tones.size() == most) break;
+    // The top of a parabola through three bins.
+    const double left = sum[k - 1], mid = sum[k], right = sum[k + 1];
+    const double bend = left - 2 * mid + right;
+    const double shift = bend < 0 ? 0.5 * (left - right) / bend : 0;
+    Tone tone{.frequency_hz = (static_cast<double>(k) + shift) * bin_hz, .prominence = mid};
+    fit_phases(fit, sample_period_s, tone);
+    tones.push_back(std::move(tone));
+  }
+  return tones;
+}
+
+}  // namespace valvetriage

@@ -1,0 +1,148 @@
+#include "core/discrepancy/valve_catalogue.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "core/discrepancy/tones.h"
+
+namespace valvetriage {
+namespace {
+
+constexpr std::size_t kTones = 3;
+// An abrupt change is looked for at this many instants of each recording; the fit moves them.
+constexpr int kInstants = 24;
+
+MechanismScales scales_of(const LinearisedValve& fit, const ValveFitOptions& options) {
+  MechanismScales scales;
+  scales.sample_period_s = std::numeric_limits<double>::infinity();
+  scales.input_low = scales.output_low = std::numeric_limits<double>::infinity();
+  scales.input_high = scales.output_high = -std::numeric_limits<double>::infinity();
+  for (std::size_t r = 0; r < fit.problem().recordings(); ++r) {
+    const Recording& recording = fit.problem().recording(r);
+    const double length_s = static_cast<double>(recording.samples()) * recording.sample_period_s;
+    scales.sample_period_s = std::min(scales.sample_period_s, recording.sample_period_s);
+    scales.longest_s = std::max(scales.longest_s, length_s);
+    const auto [low, high] = std::minmax_element(recording.input.values.begin(), recording.input.values.end());
+    scales.input_low = std::min(scales.input_low, *low);
+    scales.input_high = std::max(scales.input_high, *high);
+    const auto& output = fit.run(r).output;
+    const auto [least, most] = std::minmax_element(output.begin(), output.end());
+    scales.output_low = std::min(scales.output_low, *least);
+    scales.output_high = std::max(scales.output_high, *most);
+  }
+  scales.output_range = 2 * options.reference_psi;
+  scales.recordings = fit.problem().recordings();
+  for (const Channel& channel : fit.problem().recording(0).side) {
+    const auto [low, high] = std::minmax_element(channel.values.begin(), channel.values.end());
+    scales.side_range.push_back(channel.values.empty() ? 0 : *high - *low);
+  }
+  for (std::size_t k = 0; k + 1 < options.knots.size(); ++k) {
+    const auto knot = ValveFitProblem::kParameters + static_cast<Eigen::Index>(k);
+    const double rise = fit.at()(knot + 1) - fit.at()(knot);
+    scales.slope = std::max(scales.slope, std::abs(rise) / (options.knots[k + 1] - options.knots[k]));
+  }
+  return scales;
+}
+
+LawInFit law_in_fit(const Mechanism& mechanism, const MechanismBounds& bounds) {
+  return {.law = &mechanism,
+          .start = bounds.starts.empty() ? bounds.lower : bounds.starts.front(),
+          .lower = bounds.lower,
+          .upper = bounds.upper,
+          .step = bounds.step};
+}
+
+/// Own parameters repeated for every recording behind the shared ones.
+std::vector<double> for_all_recordings(const LawInFit& law, const std::vector<double>& start, std::size_t recordings) {
+  std::vector<double> all(start.begin(), start.begin() + static_cast<std::ptrdiff_t>(law.shared()));
+  for (std::size_t r = 0; r < recordings; ++r) {
+    all.insert(all.end(), start.begin() + static_cast<std::ptrdiff_t>(law.shared()), start.end());
+  }
+  return all;
+}
+
+void add_tones(const LinearisedValve& fit, const LawInFit& law, std::vector<LawVariant>& variants) {
+  LawVariant variant{.law = law};
+  for (const Tone& tone : strongest_tones(fit, kTones)) {
+    std::vector<double> start{tone.frequency_hz, tone.amplitude};
+    start.insert(start.end(), tone.phase_rad.begin(), tone.phase_rad.end());
+    variant.starts.push_back(std::move(start));
+  }
+  if (!variant.starts.empty()) variants.push_back(std::move(variant));
+}
+
+void add_instants(const LinearisedValve& fit, const LawInFit& law, std::vector<LawVariant>& variants) {
+  for (std::size_t r = 0; r < fit.problem().recordings(); ++r) {
+    const Recording& recording = fit.problem().recording(r);
+    LawVariant variant{.law = law};
+    variant.law.recording = r;
+    variant.law.lower.back() = variant.law.upper.back() = static_cast<double>(r);
+    const double length_s = static_cast<double>(recording.samples()) * recording.sample_period_s;
+    for (int i = 0; i < kInstants; ++i) {
+      std::vector<double> start = law.start;
+      for (std::size_t j = 0; j < law.law->parameters.size(); ++j) {
+        if (law.law->parameters[j].name == "time_s") start[j] = length_s * (i + 0.25) / kInstants;
+        if (law.law->parameters[j].name == "recording") start[j] = static_cast<double>(r);
+      }
+      variant.starts.push_back(std::move(start));
+    }
+    variants.push_back(std::move(variant));
+  }
+}
+
+void add_channels(const LinearisedValve& fit, const LawInFit& law, const MechanismBounds& bounds,
+                  ValveCatalogue& catalogue) {
+  const std::size_t channels = fit.problem().recording(0).side.size();
+  for (std::size_t c = 0; c < channels; ++c) {
+    LawVariant variant{.law = law};
+    variant.law.channel = c;
+    variant.law.lower.back() = variant.law.upper.back() = static_cast<double>(c);
+    for (const auto& start : bounds.starts) {
+      if (start.back() == static_cast<double>(c)) variant.starts.push_back(start);
+    }
+    catalogue.variants.push_back(std::move(variant));
+  }
+  if (channels == 0) {
+    catalogue.untestable.push_back({.cause = std::string(law.law->cause),
+                                    .status = CandidateStatus::kNotIdentifiable,
+                                    .reason = "no side channel was named"});
+  }
+}
+
+}  // namespace
+
+ValveCatalogue valve_catalogue(const LinearisedValve& fit, const ValveFitOptions& options) {
+  const MechanismScales scales = scales_of(fit, options);
+  ValveCatalogue catalogue;
+  for (const Mechanism* mechanism : all_mechanisms()) {
+    const MechanismBounds bounds = mechanism->bounds(scales);
+    const LawInFit law = law_in_fit(*mechanism, bounds);
+    if (mechanism->cause == "rectified_sensor") {
+      if (scales.output_low < -0.02 * scales.output_range) {
+        catalogue.variants.push_back({.law = law, .starts = {{}}});
+      } else {
+        catalogue.untestable.push_back({.cause = "rectified_sensor",
+                                        .status = CandidateStatus::kNotExcited,
+                                        .reason = "the output is never negative, so its magnitude is itself"});
+      }
+    } else if (mechanism->cause == "periodic_disturbance") {
+      add_tones(fit, law, catalogue.variants);
+    } else if (mechanism->cause == "intermittent") {
+      add_instants(fit, law, catalogue.variants);
+    } else if (mechanism->cause == "side_input") {
+      add_channels(fit, law, bounds, catalogue);
+    } else {
+      LawVariant variant{.law = law};
+      for (const auto& start : bounds.starts) {
+        variant.starts.push_back(for_all_recordings(law, start, fit.problem().recordings()));
+      }
+      catalogue.variants.push_back(std::move(variant));
+    }
+  }
+  return catalogue;
+}
+
+}  // namespace valvetriage

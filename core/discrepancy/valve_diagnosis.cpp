@@ -1,0 +1,467 @@
+#include "core/discrepancy/valve_diagnosis.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <boost/math/distributions/students_t.hpp>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <set>
+
+#include "core/discrepancy/evidence.h"
+#include "core/discrepancy/heldout.h"
+#include "core/discrepancy/valve_catalogue.h"
+#include "core/discrepancy/valve_explanation.h"
+
+namespace valvetriage {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+// A healthy valve is called so 99 times in 100: half of that risk for the laws together, half for the leftover.
+constexpr double kFalseAlarm = 0.005;
+constexpr int kSearchSteps = 5;
+// Joint fits of those that the survey leaves in the race: this far behind the best in ln likelihood, this many at most.
+constexpr double kInTheRace = 30;
+constexpr std::size_t kMostJointFits = 4;
+constexpr int kJointSteps = 8;
+// A further cause explains at least this share of what is left above the noise (three in ten, lesson of the pairs).
+constexpr double kShareOfASecond = 0.3;
+constexpr std::size_t kMostCauses = 3;
+constexpr double kSettled = 0.95;
+// An alternative below this probability is not worth a reader's time.
+constexpr double kWorthNaming = 0.03;
+
+/// One law of a survey with what its evidence means.
+struct Tested {
+  LawFit fit;
+  double evidence = 0;         ///< verified reduction over the noise's inflation
+  double promise = 0;          ///< the same of the linear forecast
+  double noise_reduction = 0;  ///< what noise alone would give after the search
+  double p_value = 1;
+
+  std::string cause() const { return std::string(fit.law.law->cause); }
+  double size() const {
+    const std::size_t at = fit.law.law->size_parameter;
+    return at < fit.parameters.size() ? fit.parameters[at] : 1;
+  }
+};
+
+struct Survey {
+  std::vector<Tested> tested;  ///< one per cause, strongest evidence first
+  std::vector<Candidate> untestable;
+  double inflation = 1;
+};
+
+/// Searching over s starting points costs 2 ln s of a likelihood ratio.
+double noise_reduction(const LawVariant& variant, Index freedoms, std::size_t recordings, double samples) {
+  double searched = static_cast<double>(std::max<std::size_t>(variant.starts.size(), 1));
+  if (variant.law.recording) searched *= static_cast<double>(recordings);
+  if (variant.law.law->cause == "periodic_disturbance") searched = samples / static_cast<double>(recordings);
+  return static_cast<double>(freedoms) + 2 * std::log(searched);
+}
+
+double mean_evidence(std::span<const CauseOnGoodValves> causes, const std::string& cause) {
+  for (const CauseOnGoodValves& good : causes) {
+    if (good.cause == cause) return good.evidence_mean;
+  }
+  return 0;
+}
+
+Survey survey_laws(const LinearisedValve& fit, const ValveFitOptions& options, const std::set<std::string>& without) {
+  ValveCatalogue catalogue = valve_catalogue(fit, options);
+  Survey survey;
+  survey.untestable = std::move(catalogue.untestable);
+  for (const LawVariant& variant : catalogue.variants) {
+    const std::string cause(variant.law.law->cause);
+    if (without.contains(cause)) continue;
+    auto found = search_law(fit, options, variant.law, variant.starts, kSearchSteps);
+    if (!found) continue;
+    Tested tested{.noise_reduction = noise_reduction(variant, found->freedoms, fit.problem().recordings(),
+                                                     fit.samples())};
+    tested.fit = std::move(*found);
+    const auto known = std::find_if(survey.tested.begin(), survey.tested.end(),
+                                    [&](const Tested& other) { return other.cause() == cause; });
+    if (known == survey.tested.end()) {
+      survey.tested.push_back(std::move(tested));
+    } else if (tested.fit.reduction > known->fit.reduction) {
+      *known = std::move(tested);
+    }
+  }
+  std::stable_sort(survey.tested.begin(), survey.tested.end(),
+                   [](const Tested& a, const Tested& b) { return a.fit.reduction > b.fit.reduction; });
+  survey.inflation = survey.tested.empty() ? noise_inflation(fit.error())
+                                           : noise_inflation(survey.tested.front().fit.residual);
+  for (Tested& tested : survey.tested) {
+    tested.evidence = tested.fit.verified / survey.inflation;
+    tested.promise = tested.fit.reduction / survey.inflation;
+  }
+  return survey;
+}
+
+void judge(Survey& survey, const ValveDiagnosisOptions& options) {
+  for (Tested& tested : survey.tested) {
+    tested.p_value = good_valve_p_value(tested.evidence, tested.fit.freedoms, tested.noise_reduction,
+                                        mean_evidence(options.causes, tested.cause()), options.good_valves);
+  }
+}
+
+double smallest_p(const Survey& survey) {
+  double p = 1;
+  for (const Tested& tested : survey.tested) p = std::min(p, tested.p_value);
+  return std::min(1.0, p * static_cast<double>(survey.tested.size()));
+}
+
+/// Those still in the race after a survey: near the best in likelihood, and beyond what a good valve shows.
+std::vector<const Tested*> in_the_race(const Survey& survey) {
+  std::vector<const Tested*> racing;
+  double best = 0;
+  for (const Tested& tested : survey.tested) {
+    const double forecast = std::max(tested.evidence, tested.promise);
+    best = std::max(best, forecast);
+    if (forecast < best - 2 * kInTheRace || racing.size() == kMostJointFits) continue;
+    racing.push_back(&tested);
+  }
+  return racing;
+}
+
+/// ln likelihood of an explanation, tempered; each parameter pays the half logarithm of the samples that count.
+double log_likelihood(double cost, Index freedoms, double inflation, double samples) {
+  return -0.5 * cost / inflation - 0.5 * static_cast<double>(freedoms) * std::log(std::max(samples / inflation, 2.0));
+}
+
+struct Ranked {
+  std::string cause;
+  double log_likelihood = 0;
+  double probability = 0;
+};
+
+void normalise(std::vector<Ranked>& ranked) {
+  double best = -std::numeric_limits<double>::infinity();
+  for (const Ranked& r : ranked) best = std::max(best, r.log_likelihood);
+  double sum = 0;
+  for (Ranked& r : ranked) sum += r.probability = std::exp(r.log_likelihood - best);
+  for (Ranked& r : ranked) r.probability /= sum;
+  std::stable_sort(ranked.begin(), ranked.end(),
+                   [](const Ranked& a, const Ranked& b) { return a.probability > b.probability; });
+}
+
+/// A cause beside given others: the best of its rivals with their probabilities.
+struct Contest {
+  std::optional<Explanation> best;
+  std::string cause;
+  std::vector<Ranked> ranked;
+  Survey survey;
+  double p_value = 1;
+};
+
+class Diagnosis {
+ public:
+  Diagnosis(std::span<const Recording> recordings, const ValveFit& baseline, const ValveDiagnosisOptions& options)
+      : recordings_(recordings), options_(options), baseline_(explain_nothing(recordings, options.fit, baseline)) {}
+
+  ValveDiagnosis run() {
+    Contest first = contest(baseline_);
+    first_survey_ = std::move(first.survey);
+    Explanation explanation = baseline_.copy();
+    if (first.best) {
+      explanation = std::move(*first.best);
+      settle(first);
+      while (explanation.laws.size() < kMostCauses && add_one(explanation)) {
+      }
+      if (explanation.laws.size() > 1) reconsider(explanation);
+    }
+    return conclude(explanation);
+  }
+
+ private:
+  struct Entry {
+    std::vector<Ranked> ranked;
+    double p_value = 1;
+  };
+
+  /// Fits every law beside an explanation and lets the best of them compete in joint fits.
+  Contest contest(const Explanation& beside) {
+    Contest contest;
+    // Two causes of one family explain each other's leftovers, not the valve.
+    std::set<std::string> without;
+    for (const LawFit& law : beside.laws) {
+      for (const Mechanism* other : all_mechanisms()) {
+        if (other->family == law.law.law->family) without.insert(std::string(other->cause));
+      }
+    }
+    const LinearisedValve linear(*beside.problem, beside.v);
+    contest.survey = survey_laws(linear, *beside.options, without);
+    judge(contest.survey, options_);
+    contest.p_value = smallest_p(contest.survey);
+    if (contest.p_value > kFalseAlarm) return contest;
+
+    std::vector<Explanation> fitted;
+    for (const Tested* tested : in_the_race(contest.survey)) {
+      fitted.push_back(extend(recordings_, beside, tested->fit, kJointSteps));
+    }
+    if (fitted.empty()) return contest;
+    std::size_t best = 0;
+    for (std::size_t i = 1; i < fitted.size(); ++i) {
+      if (fitted[i].cost < fitted[best].cost) best = i;
+    }
+    const double inflation = noise_inflation(whitened_residual(fitted[best]));
+    const double samples = linear.samples();
+    for (const Explanation& explanation : fitted) {
+      contest.ranked.push_back({std::string(explanation.laws.back().law.law->cause),
+                                log_likelihood(explanation.cost, explanation.laws.back().freedoms, inflation, samples)});
+    }
+    for (const Tested& tested : contest.survey.tested) {
+      const bool refitted = std::any_of(contest.ranked.begin(), contest.ranked.end(),
+                                        [&](const Ranked& r) { return r.cause == tested.cause(); });
+      if (refitted) continue;
+      contest.ranked.push_back({tested.cause(), log_likelihood(beside.cost - tested.fit.verified, tested.fit.freedoms,
+                                                               inflation, samples)});
+    }
+    normalise(contest.ranked);
+    // The winner is one that was fitted; a mere forecast that ranks above it is a rival.
+    double highest = -1;
+    for (std::size_t i = 0; i < fitted.size(); ++i) {
+      const std::string_view cause = fitted[i].laws.back().law.law->cause;
+      for (const Ranked& r : contest.ranked) {
+        if (r.cause != cause || r.probability <= highest) continue;
+        highest = r.probability;
+        best = i;
+      }
+    }
+    contest.cause = std::string(fitted[best].laws.back().law.law->cause);
+    contest.best = std::move(fitted[best]);
+    return contest;
+  }
+
+  void settle(const Contest& contest) { entries_.push_back({contest.ranked, contest.p_value}); }
+
+  /// A further cause beside those found, where it explains enough of what is left.
+  bool add_one(Explanation& explanation) {
+    Contest next = contest(explanation);
+    if (!next.best) return false;
+    const double gained = explanation.cost - next.best->cost;
+    const double above_floor = explanation.cost - noise_cost(explanation);
+    if (gained < kShareOfASecond * above_floor) return false;
+    explanation = std::move(*next.best);
+    settle(next);
+    return true;
+  }
+
+  /// Each cause of several must still be needed beside the others, and is compared with its rivals there.
+  void reconsider(Explanation& explanation) {
+    for (std::size_t i = 0; i < explanation.laws.size() && explanation.laws.size() > 1;) {
+      Explanation others = without(recordings_, explanation, i, kJointSteps);
+      Contest again = contest(others);
+      const std::string_view cause = explanation.laws[i].law.law->cause;
+      if (!again.best || again.best->cost > others.cost) {
+        explanation = std::move(others);
+        entries_.erase(entries_.begin() + static_cast<std::ptrdiff_t>(i));
+        if (explanation.laws.size() == 1) entries_.front() = alone(explanation);
+        i = 0;
+        continue;
+      }
+      entries_[i] = {again.ranked, again.p_value};
+      if (again.cause != cause && again.best->cost < explanation.cost) {
+        // Another cause does better in its place: it comes last, and the ones before it are seen with it.
+        explanation = std::move(*again.best);
+        std::rotate(entries_.begin() + static_cast<std::ptrdiff_t>(i),
+                    entries_.begin() + static_cast<std::ptrdiff_t>(i) + 1, entries_.end());
+        if (++replaced_ > kMostCauses) return;
+        continue;
+      }
+      ++i;
+    }
+  }
+
+  /// The contest of a cause that is left alone.
+  Entry alone(const Explanation& explanation) {
+    const Contest again = contest(baseline_);
+    Entry entry{again.ranked, again.p_value};
+    const bool same = again.best && again.cause == explanation.laws.front().law.law->cause;
+    if (!same) entry.p_value = 1;
+    return entry;
+  }
+
+  /// What the noise alone costs in this session: its samples, and the penalty at the population's edge.
+  double noise_cost(const Explanation& explanation) const {
+    double samples = 0;
+    for (std::size_t r = 0; r < recordings_.size(); ++r) samples += static_cast<double>(recordings_[r].samples());
+    return std::min(samples, explanation.cost);
+  }
+
+  /// Probability of a leftover like this in a good valve, over all groups.
+  double leftover_p_value(const Explanation& explanation, std::vector<Finding>& findings) const {
+    const LinearisedValve linear(*explanation.problem, explanation.v);
+    double smallest = 1;
+    int groups = 0;
+    for (const LeftoverGroup& group : leftover_groups(linear, 2 * options_.fit.reference_psi)) {
+      const auto good = std::find_if(options_.leftovers.begin(), options_.leftovers.end(),
+                                     [&](const LeftoverOnGoodValves& g) { return g.group == group.group; });
+      if (!std::isfinite(group.log_ratio) || good == options_.leftovers.end() || options_.good_valves < 2) continue;
+      ++groups;
+      // ln of a mean of n squares scatters by √(2/n) in itself.
+      const double own = std::sqrt(2.0 / group.blocks);
+      const double sd = std::sqrt((good->sd * good->sd + own * own) * (1 + 1.0 / options_.good_valves));
+      const double t = (group.log_ratio - good->mean) / sd;
+      const boost::math::students_t student(options_.good_valves - 1 + 0.5 * group.blocks * 0.1);
+      const double p = boost::math::cdf(boost::math::complement(student, t));
+      if (p < 0.01) {
+        findings.push_back({.what = "more slow residual than any good valve leaves",
+                            .where = group.group,
+                            .statistic = t,
+                            .p_value = p,
+                            .share_of_structured_residual = std::numeric_limits<double>::quiet_NaN()});
+      }
+      smallest = std::min(smallest, p);
+    }
+    return std::min(1.0, smallest * groups);
+  }
+
+  ValveDiagnosis conclude(const Explanation& explanation);
+
+  std::span<const Recording> recordings_;
+  const ValveDiagnosisOptions& options_;
+  Explanation baseline_;
+  Survey first_survey_;
+  std::vector<Entry> entries_;  ///< one per law of the explanation
+  std::size_t replaced_ = 0;
+};
+
+const CauseOnGoodValves* on_good_valves(std::span<const CauseOnGoodValves> causes, std::string_view cause) {
+  for (const CauseOnGoodValves& good : causes) {
+    if (good.cause == cause) return &good;
+  }
+  return nullptr;
+}
+
+double family_probability(const std::vector<Ranked>& ranked, std::string_view family) {
+  double sum = 0;
+  for (const Ranked& r : ranked) {
+    const Mechanism* mechanism = find_mechanism(r.cause);
+    if (mechanism && mechanism->family == family) sum += r.probability;
+  }
+  return sum;
+}
+
+ValveDiagnosis Diagnosis::conclude(const Explanation& explanation) {
+  ValveDiagnosis diagnosis;
+  Discrepancy& discrepancy = diagnosis.discrepancy;
+  diagnosis.extended_model = explanation.model();
+  for (std::size_t r = 0; r < recordings_.size(); ++r) {
+    diagnosis.extended.push_back(explanation.problem->simulate(explanation.v, r));
+  }
+  const double inflation = noise_inflation(whitened_residual(explanation));
+  const double leftover_p = leftover_p_value(explanation, discrepancy.findings);
+  const bool left = leftover_p < kFalseAlarm;
+  // What is left of what was there: an extension that closes less than three quarters does not explain.
+  const double there = baseline_.cost - noise_cost(baseline_);
+  const double remains = std::max(0.0, explanation.cost - noise_cost(explanation));
+  const bool explained = !explanation.laws.empty() && (!left || remains < 0.25 * there);
+
+  if (explanation.laws.empty()) {
+    discrepancy.conclusion = left ? Conclusion::kUnexplained : Conclusion::kNone;
+  } else if (!explained) {
+    discrepancy.conclusion = Conclusion::kUnexplained;
+  } else {
+    discrepancy.conclusion = Conclusion::kNamed;
+  }
+
+  std::vector<double> errors = explanation.standard_errors(inflation);
+  std::size_t error_at = 0;
+  for (std::size_t l = 0; l < explanation.laws.size(); ++l) {
+    const Mechanism& law = *explanation.laws[l].law.law;
+    const std::vector<Ranked>& ranked = entries_[l].ranked;
+    NamedCause named{.cause = std::string(law.cause), .family = std::string(law.family), .origin = std::string(law.origin)};
+    for (const Ranked& r : ranked) {
+      if (r.cause == named.cause) named.probability = r.probability;
+      else if (r.probability >= kWorthNaming) named.alternatives.push_back(r.cause);
+    }
+    named.family_probability = family_probability(ranked, law.family);
+    if (!explained) named.probability = std::min(named.probability, 0.5);
+    if (named.probability < kSettled && named.alternatives.empty()) {
+      for (const Ranked& r : ranked) {
+        if (r.cause != named.cause) {
+          named.alternatives.push_back(r.cause);
+          break;
+        }
+      }
+    }
+    if (!named.alternatives.empty() && discrepancy.conclusion == Conclusion::kNamed) {
+      discrepancy.conclusion = Conclusion::kAmbiguous;
+    }
+    const CauseOnGoodValves* good = on_good_valves(options_.causes, law.cause);
+    const std::vector<double> values = explanation.problem->law_parameters(explanation.v, l, 0);
+    for (std::size_t j = 0; j < law.parameters.size(); ++j) {
+      ParameterEstimate estimate{.value = values[j], .unit = std::string(law.parameters[j].unit)};
+      estimate.std_error = errors[error_at + j];
+      estimate.ci95 = {estimate.value - 1.96 * estimate.std_error, estimate.value + 1.96 * estimate.std_error};
+      const bool is_size = j == law.size_parameter;
+      estimate.population_mean = is_size && good ? good->size_mean : std::numeric_limits<double>::quiet_NaN();
+      estimate.population_sd = is_size && good ? good->size_sd : std::numeric_limits<double>::quiet_NaN();
+      if (is_size && good) {
+        const double spread = std::hypot(good->size_sd, estimate.std_error);
+        named.severity_in_population_sd = spread > 0 ? std::abs(estimate.value - good->size_mean) / spread : 0;
+      }
+      named.parameters.emplace_back(std::string(law.parameters[j].name), estimate);
+    }
+    error_at += law.parameters.size();
+    named.p_value = entries_[l].p_value;
+    discrepancy.causes.push_back(std::move(named));
+  }
+
+  // Candidates: the first contest's ranking, none and unknown.
+  const double none = discrepancy.conclusion == Conclusion::kNone ? 1.0 : 0.0;
+  const double unknown = discrepancy.conclusion == Conclusion::kUnexplained ? 1.0 : 0.0;
+  discrepancy.candidates.push_back({.cause = "none", .probability = none, .rmse_heldout = std::nan(""), .reason = "nothing beyond what good valves leave"});
+  for (const Tested& tested : first_survey_.tested) {
+    Candidate candidate{.cause = tested.cause(), .rmse_heldout = std::nan("")};
+    if (none == 0 && unknown == 0 && entries_.size() == 1) {
+      for (const Ranked& r : entries_.front().ranked) {
+        if (r.cause == candidate.cause) candidate.probability = r.probability;
+      }
+    }
+    candidate.reason = fmt::format("evidence {:.1f}, noise alone {:.1f}, p {:.2g}", tested.evidence,
+                                   tested.noise_reduction, tested.p_value);
+    discrepancy.candidates.push_back(std::move(candidate));
+  }
+  if (entries_.size() > 1 && unknown == 0) {
+    std::string name;
+    double probability = 1;
+    for (std::size_t l = 0; l < entries_.size(); ++l) {
+      name += (l ? "+" : "") + discrepancy.causes[l].cause;
+      probability *= discrepancy.causes[l].probability;
+    }
+    discrepancy.candidates.push_back({.cause = name, .probability = 1, .rmse_heldout = std::nan("")});
+  }
+  discrepancy.candidates.push_back({.cause = "unknown", .probability = unknown, .rmse_heldout = std::nan(""), .reason = fmt::format("leftover p {:.2g}, inflation {:.2f}", leftover_p, inflation)});
+  for (Candidate& candidate : first_survey_.untestable) discrepancy.candidates.push_back(candidate);
+  discrepancy.gain = measure_gain(baseline_, explanation);
+  return diagnosis;
+}
+
+}  // namespace
+
+ValveDiagnosis diagnose_valve(std::span<const Recording> recordings, const ValveFit& baseline,
+                              const ValveDiagnosisOptions& options) {
+  return Diagnosis(recordings, baseline, options).run();
+}
+
+GoodValveSurvey survey_good_valve(std::span<const Recording> recordings, const ValveFit& fit,
+                                  const ValveFitOptions& options) {
+  const Explanation nothing = explain_nothing(recordings, options, fit);
+  const LinearisedValve linear(*nothing.problem, nothing.v);
+  GoodValveSurvey seen;
+  for (const Tested& tested : survey_laws(linear, *nothing.options, {}).tested) {
+    seen.causes.push_back({tested.cause(), tested.evidence, tested.size()});
+  }
+  for (const LeftoverGroup& group : leftover_groups(linear, 2 * options.reference_psi)) {
+    if (std::isfinite(group.log_ratio)) seen.leftovers.emplace_back(group.group, group.log_ratio);
+  }
+  return seen;
+}
+
+}  // namespace valvetriage

@@ -1,0 +1,147 @@
+#include "core/discrepancy/valve_explanation.h"
+
+#include <Eigen/Cholesky>
+#include <cmath>
+#include <limits>
+
+namespace valvetriage {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+std::unique_ptr<ValveFitProblem> problem_of(std::span<const Recording> recordings, const ValveFitOptions& options) {
+  return std::make_unique<ValveFitProblem>(recordings, options);
+}
+
+}  // namespace
+
+Explanation Explanation::copy() const {
+  Explanation copy;
+  copy.options = std::make_unique<ValveFitOptions>(*options);
+  copy.problem = std::make_unique<ValveFitProblem>(*problem, *copy.options);
+  copy.v = v;
+  copy.cost = cost;
+  copy.laws = laws;
+  return copy;
+}
+
+Model Explanation::model() const {
+  const VectorXd knots = v.segment(ValveFitProblem::kParameters, problem->knots());
+  std::vector<double> outputs(knots.data(), knots.data() + knots.size());
+  outputs = monotone_regression(outputs, std::vector<double>(outputs.size(), 1.0));
+  Model model = to_model(to_parameters(v.head(ValveFitProblem::kParameters), options->reference_psi),
+                         {options->knots, outputs});
+  for (std::size_t l = 0; l < options->laws.size(); ++l) {
+    const LawInFit& law = options->laws[l];
+    MechanismUse use{.cause = std::string(law.law->cause),
+                     .parameters = problem->law_parameters(v, l, law.recording.value_or(0))};
+    if (law.channel) use.channel = problem->recording(0).side[*law.channel].name;
+    if (law.recording) use.channel = problem->recording(*law.recording).name;
+    model.mechanisms.push_back(std::move(use));
+  }
+  return model;
+}
+
+std::vector<double> Explanation::standard_errors(double inflation) const {
+  const MatrixXd inverse =
+      problem->linearise(v).a.ldlt().solve(MatrixXd::Identity(problem->size(), problem->size())) * inflation;
+  std::vector<double> errors;
+  Index shared = problem->baseline_size();
+  Index own = problem->own_at(0) + ValveFitProblem::kStarts;
+  for (const LawInFit& law : options->laws) {
+    for (std::size_t j = 0; j < law.law->parameters.size(); ++j) {
+      const Index entry = j < law.shared() ? shared++ : own++;
+      const double variance = inverse(entry, entry);
+      errors.push_back(variance > 0 ? std::sqrt(variance) : std::numeric_limits<double>::quiet_NaN());
+    }
+  }
+  return errors;
+}
+
+Explanation explain_nothing(std::span<const Recording> recordings, const ValveFitOptions& options,
+                            const ValveFit& fit) {
+  Explanation nothing;
+  nothing.options = std::make_unique<ValveFitOptions>(options);
+  nothing.problem = problem_of(recordings, *nothing.options);
+  nothing.v = fit.vector;
+  nothing.cost = nothing.problem->cost(nothing.v);
+  return nothing;
+}
+
+Explanation extend(std::span<const Recording>, const Explanation& explanation, const LawFit& law,
+                   int most_iterations) {
+  Explanation extended;
+  extended.options = std::make_unique<ValveFitOptions>(*explanation.options);
+  extended.options->laws.push_back(law.law);
+  extended.problem = std::make_unique<ValveFitProblem>(*explanation.problem, *extended.options);
+  extended.laws = explanation.laws;
+  extended.laws.push_back(law);
+  // The linear forecast of where the valve moves may overshoot; the valve where it stood is the other start.
+  const VectorXd moved = explanation.problem->continued_in(*extended.problem, law.baseline, law.parameters);
+  const VectorXd stayed = explanation.problem->continued_in(*extended.problem, explanation.v, law.parameters);
+  const double moved_cost = extended.problem->cost(moved);
+  const bool use_moved = moved_cost < extended.problem->cost(stayed);
+  Descent descent = descend(*extended.problem, use_moved ? moved : stayed, most_iterations);
+  extended.v = std::move(descent.v);
+  extended.cost = descent.cost;
+  return extended;
+}
+
+Explanation without(std::span<const Recording>, const Explanation& explanation, std::size_t law,
+                    int most_iterations) {
+  Explanation less;
+  less.options = std::make_unique<ValveFitOptions>(*explanation.options);
+  less.options->laws.erase(less.options->laws.begin() + static_cast<std::ptrdiff_t>(law));
+  less.problem = std::make_unique<ValveFitProblem>(*explanation.problem, *less.options);
+  less.laws = explanation.laws;
+  less.laws.erase(less.laws.begin() + static_cast<std::ptrdiff_t>(law));
+  VectorXd v = VectorXd::Zero(less.problem->size());
+  const Index baseline = explanation.problem->baseline_size();
+  v.head(baseline) = explanation.v.head(baseline);
+  Index to = baseline, from = baseline;
+  for (std::size_t l = 0; l < explanation.laws.size(); ++l) {
+    const auto shared = static_cast<Index>(explanation.laws[l].law.shared());
+    if (l != law) {
+      v.segment(to, shared) = explanation.v.segment(from, shared);
+      to += shared;
+    }
+    from += shared;
+  }
+  for (std::size_t r = 0; r < less.problem->recordings(); ++r) {
+    Index own_to = ValveFitProblem::kStarts, own_from = ValveFitProblem::kStarts;
+    v.segment(less.problem->own_at(r), own_to) = explanation.v.segment(explanation.problem->own_at(r), own_to);
+    for (std::size_t l = 0; l < explanation.laws.size(); ++l) {
+      const auto own = static_cast<Index>(explanation.laws[l].law.own());
+      if (l != law) {
+        v.segment(less.problem->own_at(r) + own_to, own) =
+            explanation.v.segment(explanation.problem->own_at(r) + own_from, own);
+        own_to += own;
+      }
+      own_from += own;
+    }
+  }
+  Descent descent = descend(*less.problem, less.problem->clamped(v), most_iterations);
+  less.v = std::move(descent.v);
+  less.cost = descent.cost;
+  return less;
+}
+
+Stack whitened_residual(const Explanation& explanation) {
+  Stack residual;
+  const ValveFitProblem& problem = *explanation.problem;
+  for (std::size_t r = 0; r < problem.recordings(); ++r) {
+    const Recording& recording = problem.recording(r);
+    const std::vector<double> simulated = problem.simulate(explanation.v, r);
+    const double whiten = std::sqrt(problem.inverse_variance(r));
+    std::vector<double> kept;
+    for (std::size_t i = 0; i < simulated.size(); ++i) {
+      if (recording.is_valid(i)) kept.push_back(whiten * (recording.output.values[i] - simulated[i]));
+    }
+    residual.push_back(Eigen::Map<const VectorXd>(kept.data(), static_cast<Index>(kept.size())));
+  }
+  return residual;
+}
+
+}  // namespace valvetriage

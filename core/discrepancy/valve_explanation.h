@@ -1,0 +1,40 @@
+#pragma once
+
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "core/discrepancy/law_search.h"
+#include "core/model/model.h"
+
+namespace valvetriage {
+
+/// A valve fitted together with the laws that explain it: none, one or several.
+struct Explanation {
+  std::unique_ptr<ValveFitOptions> options;
+  std::unique_ptr<ValveFitProblem> problem;
+  Eigen::VectorXd v;
+  double cost = 0;           ///< whitened, penalties included
+  std::vector<LawFit> laws;  ///< in the order of options->laws; their parameters as first found, v has the final ones
+
+  Explanation copy() const;
+  /// The extended model, laws included.
+  Model model() const;
+  /// Of every parameter of every law, in order (own ones: the first recording's); noise inflated.
+  std::vector<double> standard_errors(double inflation) const;
+};
+
+/// The valve alone. recordings and everything in them must outlive the explanation.
+Explanation explain_nothing(std::span<const Recording> recordings, const ValveFitOptions& options,
+                            const ValveFit& fit);
+/// One more law, everything fitted together from where its search ended.
+Explanation extend(std::span<const Recording> recordings, const Explanation& explanation, const LawFit& law,
+                   int most_iterations);
+/// One law less, the rest fitted again.
+Explanation without(std::span<const Recording> recordings, const Explanation& explanation, std::size_t law,
+                    int most_iterations);
+
+/// What is left, one whitened column per recording.
+Stack whitened_residual(const Explanation& explanation);
+
+}  // namespace valvetriage
