@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "core/analysis/classify_valve.h"
+#include "core/discrepancy/valve_diagnosis.h"
 #include "core/identify/baseline.h"
 #include "core/identify/valve_fit.h"
 #include "core/residual/fit_figures.h"
@@ -28,6 +29,7 @@ constexpr double kSelfWindowDuration_s = 2.0;
 struct FreeRuns {
   std::vector<std::vector<double>> baseline;
   std::vector<std::vector<double>> population;  ///< of the reference's mean; else the same as the baseline
+  std::vector<std::vector<double>> extended;    ///< empty where nothing was added
   bool unstable = false;
 };
 
@@ -108,6 +110,21 @@ Result<void> require_current(const Reference& reference) {
                   reference.valve_type, parameters, kValveParameters.size()));
 }
 
+/// What the simulation gets wrong, into the analysis; the extended model's free runs where there is one.
+std::vector<std::vector<double>> diagnose(std::span<const Recording> recordings, const ValveFit& fit,
+                                          const ValveFitOptions& options, const Reference& reference,
+                                          Analysis& analysis) {
+  ValveDiagnosis diagnosis = diagnose_valve(recordings, fit,
+                                            {.fit = options,
+                                             .good_valves = reference.valves,
+                                             .causes = reference.causes,
+                                             .leftovers = reference.leftovers});
+  analysis.discrepancy = std::move(diagnosis.discrepancy);
+  analysis.extended_model = std::move(diagnosis.extended_model);
+  if (analysis.discrepancy->causes.empty()) return {};
+  return std::move(diagnosis.extended);
+}
+
 Result<FreeRuns> run_reference(std::span<const Recording> recordings, Analysis& analysis) {
   const Reference& reference = *analysis.baseline.reference;
   if (const auto current = require_current(reference); !current) return tl::unexpected(current.error());
@@ -125,7 +142,10 @@ Result<FreeRuns> run_reference(std::span<const Recording> recordings, Analysis& 
   if (!fit) return tl::unexpected(fit.error());
   analysis.baseline.model = to_model(fit->parameters, fit->map);
 
-  FreeRuns runs{.baseline = std::move(fit->simulated)};
+  FreeRuns runs;
+  // A reference learned without the engine's survey of its valves has no scale to name a cause by.
+  if (!reference.causes.empty()) runs.extended = diagnose(kept, *fit, options, reference, analysis);
+  runs.baseline = std::move(fit->simulated);
   for (const Recording& recording : recordings) {
     auto population = simulate(reference.model, recording, InitialState{});
     if (!population) return tl::unexpected(population.error());
@@ -286,6 +306,8 @@ Result<Analysis> analyze(std::span<const Recording> recordings, const AnalysisOp
                                             .unstable = runs->unstable},
                                            options.rule_base);
   analysis.simulated = std::move(runs->baseline);
+  analysis.extended = std::move(runs->extended);
+  if (analysis.extended.empty()) analysis.extended_model = analysis.baseline.model;
   return analysis;
 }
 
