@@ -198,6 +198,17 @@ Result<std::vector<double>> run(const Model& model, const IntervalSignal& input,
 
 }  // namespace
 
+Result<Model> with_reshaped_blocks(const Model& model) {
+  std::vector<Law> laws;
+  for (const MechanismUse& use : model.mechanisms) {
+    const Mechanism* mechanism = find_mechanism(use.cause);
+    if (!mechanism) return fail("unknown_cause", fmt::format("there is no cause '{}'", use.cause));
+    if (auto checked = check_parameters(*mechanism, use); !checked) return tl::unexpected(checked.error());
+    laws.push_back({mechanism, use.parameters});
+  }
+  return reshaped(model, laws);
+}
+
 std::vector<double> interleaved(const IntervalSignal& signal) {
   std::vector<double> both(2 * signal.start.size());
   for (std::size_t i = 0; i < signal.start.size(); ++i) {

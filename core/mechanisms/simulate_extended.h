@@ -27,6 +27,10 @@ Result<std::vector<double>> simulate_extended(const Model& model, const Interval
                                               std::span<const double> measured, const InitialState& initial,
                                               Horizon horizon = Horizon::kUnbounded);
 
+/// The model whose blocks the laws inside the valve have changed (loop, delay, volume); its mechanisms stay listed.
+/// Errors  as simulate_extended
+Result<Model> with_reshaped_blocks(const Model& model);
+
 /// A signal as kInput laws see it, the start and the end of each interval one after the other, and back.
 std::vector<double> interleaved(const IntervalSignal& signal);
 IntervalSignal intervals(std::span<const double> interleaved);

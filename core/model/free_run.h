@@ -4,6 +4,7 @@
 #include <span>
 #include <vector>
 
+#include "core/model/linear_filter.h"
 #include "core/model/model.h"
 
 namespace valvetriage {
@@ -21,6 +22,10 @@ struct SignalLaws {
 Result<std::vector<double>> free_run(const Model& model, const SignalLaws& laws, const IntervalSignal& input,
                                      double sample_period_s, std::span<const double> measured,
                                      const InitialState& initial, Horizon horizon);
+
+/// G as it is run at a sampling period: a z-domain recursion where it fits the period, else sampled exactly.
+/// Errors  as `simulate` for a sample time that the system cannot be brought to
+Result<LinearFilter> sampled_dynamics(const TransferFunction& g, double sample_period_s);
 
 /// The measured outputs that set the initial state, NaN where one takes no part.
 std::vector<double> first_outputs(const Recording& recording, const InitialState& initial);

@@ -36,6 +36,7 @@ class LinearFilter {
 
   std::size_t order() const { return chain_.diagonal.size(); }
   int delay_samples() const { return delay_samples_; }
+  const ChainForm& chain() const { return chain_; }
 
   /// At rest: zero state, zero input before.
   FilterState rest() const;

@@ -41,26 +41,9 @@ Result<void> require_stable(const TransferFunction& g) {
                           pole_text(worst), std::abs(worst)));
 }
 
-Result<LinearFilter> filter_for(const TransferFunction& g, double period_s) {
-  if (g.domain == Domain::kS) return LinearFilter::sampled(g, period_s);
-  if (std::abs(g.sample_time_s - period_s) <= kClockTolerance * period_s) {
-    return LinearFilter::recursion(g);
-  }
-  auto continuous = continuous_from_zoh(g);
-  if (!continuous) {
-    Error error = continuous.error();
-    error.message =
-        fmt::format("the model's sample time is {} s, the recording's {} s, and it cannot be brought there: {}",
-                    g.sample_time_s, period_s, error.message);
-    return tl::unexpected(error);
-  }
-  return LinearFilter::sampled(*continuous, period_s);
-}
-
 /// What enters G: the loop's output for a valve, the input about its operating point otherwise.
 IntervalSignal driving_signal(const Model& model, const IntervalSignal& input) {
-  if (model.loop) return model.loop->apply(input, loop_driver(input));
-  IntervalSignal signal = input;
+  IntervalSignal signal = model.loop ? model.loop->apply(input, loop_driver(input)) : input;
   for (std::vector<double>* side : {&signal.start, &signal.end}) {
     for (double& u : *side) u -= model.input_offset;
   }
@@ -199,13 +182,29 @@ Result<std::vector<double>> simulate_machine(const Machine& machine, std::span<c
 
 }  // namespace
 
+Result<LinearFilter> sampled_dynamics(const TransferFunction& g, double sample_period_s) {
+  if (g.domain == Domain::kS) return LinearFilter::sampled(g, sample_period_s);
+  if (std::abs(g.sample_time_s - sample_period_s) <= kClockTolerance * sample_period_s) {
+    return LinearFilter::recursion(g);
+  }
+  auto continuous = continuous_from_zoh(g);
+  if (!continuous) {
+    Error error = continuous.error();
+    error.message =
+        fmt::format("the model's sample time is {} s, the recording's {} s, and it cannot be brought there: {}",
+                    g.sample_time_s, sample_period_s, error.message);
+    return tl::unexpected(error);
+  }
+  return LinearFilter::sampled(*continuous, sample_period_s);
+}
+
 Result<std::vector<double>> free_run(const Model& model, const SignalLaws& laws, const IntervalSignal& input,
                                      double sample_period_s, std::span<const double> measured,
                                      const InitialState& initial, Horizon horizon) {
   if (horizon == Horizon::kUnbounded) {
     if (const auto stable = require_stable(model.dynamics); !stable) return tl::unexpected(stable.error());
   }
-  const auto filter = filter_for(model.dynamics, sample_period_s);
+  const auto filter = sampled_dynamics(model.dynamics, sample_period_s);
   if (!filter) return tl::unexpected(filter.error());
   if (input.start.empty()) return std::vector<double>{};
 

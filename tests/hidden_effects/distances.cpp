@@ -25,7 +25,8 @@ constexpr std::size_t kRefined = 6;       // rivals of the screening that are fi
 constexpr double kExcludedAt = 2.45;      // ½ d² = 3: twenty to one
 constexpr double kSensitivityStep = 0.5;  // of a population standard deviation
 constexpr int kIterations = 5;
-constexpr double kHopeless = 4;  // a fit by twin runs leaves a quarter of what the screening left, or more
+constexpr double kWorthwhile = 0.01;  // share of the squared error that a step must promise
+constexpr double kHopeless = 4;       // a fit by twin runs leaves a quarter of what the screening left, or more
 
 std::vector<Faults> healthy(const TwinBench& bench) {
   return std::vector<Faults>(bench.recordings());
@@ -139,7 +140,7 @@ class Fitter {
     for (int iteration = 0; iteration < kIterations; ++iteration) {
       const auto next = improved(best);
       if (!next) break;
-      const bool settled = next->squared() > 0.98 * best.squared() && best.squared() - next->squared() < 0.5;
+      const bool settled = next->squared() > (1 - kWorthwhile) * best.squared();
       best = *next;
       if (settled) break;
     }
@@ -189,6 +190,8 @@ class Fitter {
       step = normal.ldlt().solve(reduced.transpose() * left);
       for (Index i = 0; i < n; ++i) step[i] = std::clamp(step[i], -12 * step_of(i), 12 * step_of(i));
     }
+    if (day_.off_baseline(from.rho - columns * step).squaredNorm() > (1 - kWorthwhile) * from.squared())
+      return std::nullopt;
     for (double share = 1; share > 0.2; share *= 0.5) {
       const VectorXd rest = from.rho - share * (columns * step);
       const VectorXd absorbed =

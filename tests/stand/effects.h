@@ -23,8 +23,9 @@ struct EffectParameter {
   std::string unit;
 };
 
-/// One row of the table of effects (README): its size's meaning, the range over which the size is drawn (log-uniform,
-/// from barely visible to gross), and the sizes at which a valve counts as malfunctioned and as severe.
+/// One row of the table of effects (README): its size's meaning, the range over which the size is drawn (log-uniform;
+/// on a full session the distance d of tests/hidden_effects then spans about 2 to 200, less where physics ends first:
+/// gain_loss, hysteresis), and the sizes at which a valve counts as malfunctioned and as severe.
 struct EffectInfo {
   std::string effect, origin, family, size_meaning;
   double smallest = 0, largest = 0;

@@ -1,0 +1,499 @@
+#include "server/wire/model_c.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <span>
+
+#include "core/mechanisms/simulate_extended.h"
+#include "core/model/free_run.h"
+
+namespace valvetriage {
+namespace {
+
+std::string number(double value) {
+  if (std::isinf(value)) return value > 0 ? "HUGE_VAL" : "-HUGE_VAL";
+  return fmt::format("{:.17g}", value);
+}
+
+std::string numbers(std::span<const double> values) {
+  std::string text;
+  for (const double value : values) text += (text.empty() ? "" : ", ") + number(value);
+  return text.empty() ? "0" : text;  // C99 has no empty array
+}
+
+/// A law as C: what it remembers, how that begins, and its statements on `x`. `{n}` is its number, `{0}`, `{1}`, ...
+/// its parameters; R, T and the others are constants of the file.
+struct LawText {
+  std::string_view cause;
+  std::string_view state;
+  std::string_view begin;
+  std::string_view code;
+};
+
+constexpr LawText kLawTexts[] = {
+    {"friction", "double held{n};", "m->held{n} = driver;",
+     "if (fabs(driver - m->held{n}) > {0}) m->held{n} = driver - copysign(fmin({1}, {0}), driver - m->held{n});\n"
+     "  x -= driver - m->held{n};"},
+    {"backlash", "double held{n};", "m->held{n} = driver;",
+     "m->held{n} = fmin(fmax(m->held{n}, driver - 0.5 * ({0})), driver + 0.5 * ({0}));\n"
+     "  x -= driver - m->held{n};"},
+    {"dead_band", "", "",
+     "if (x - {0} > 0.5 * ({1})) x -= 0.5 * ({1});\n"
+     "  else if (x - {0} < -0.5 * ({1})) x += 0.5 * ({1});\n"
+     "  else if ({1} > 0) x = {0};"},
+    {"saturation", "", "", "x = -clamped(-clamped(x, {0}), -({1}));"},
+    {"gain_loss", "", "", "x *= {0};"},
+    {"static_curve", "", "", "x += {0} * x * (1 - x / R);"},
+    {"rectified_sensor", "", "", "x = fabs(x);"},
+    {"extra_lag", "double in{n}, out{n};", "m->in{n} = m->out{n} = x;",
+     "if (m->samples > 0) {\n"
+     "    const double r = T / ({0}), a = exp(-r), f = -expm1(-r) / r;\n"
+     "    m->out{n} = a * m->out{n} + (f - a) * m->in{n} + (1 - f) * x;\n"
+     "  }\n"
+     "  m->in{n} = x;\n"
+     "  x = m->out{n};"},
+    {"resonance", "double in{n}, out{n}, rate{n};", "m->in{n} = m->out{n} = x; m->rate{n} = 0;",
+     "if (m->samples > 0) {\n"
+     "    const double w = 6.283185307179586 * ({0}) * T, z = {1}, u = 1 - z * z, q = sqrt(fabs(u)), g = exp(-z * w);\n"
+     "    const double even = q > 1e-8 ? (u > 0 ? cos(q * w) : cosh(q * w)) : 1;\n"
+     "    const double odd = q > 1e-8 ? (u > 0 ? sin(q * w) : sinh(q * w)) / q : w;\n"
+     "    const double slope = (x - m->in{n}) / w, lag = 2 * z * slope;\n"
+     "    const double y0 = m->out{n} - (m->in{n} - lag), v0 = m->rate{n} - slope;\n"
+     "    m->out{n} = x - lag + g * ((even + z * odd) * y0 + odd * v0);\n"
+     "    m->rate{n} = slope + g * (-odd * y0 + (even - z * odd) * v0);\n"
+     "  }\n"
+     "  m->in{n} = x;\n"
+     "  x = m->out{n};"},
+    {"rate_limit", "double out{n};", "m->out{n} = x;",
+     "if (x - m->out{n} > {0} * T) m->out{n} += {0} * T;\n"
+     "  else if (x - m->out{n} < -({0} * T)) m->out{n} -= {0} * T;\n"
+     "  else m->out{n} = x;\n"
+     "  x = m->out{n};"},
+    {"stiffening_spring", "", "",
+     "{ const double s = sqrt(3 * fabs({0})), f = 1.5 * s * SECANT * (x - REST);\n"
+     "    x = REST + 2 / s * ({0} > 0 ? sinh(asinh(f) / 3) : sin(asin(fmin(fmax(f, -1), 1)) / 3)) / SECANT; }"},
+    {"self_oscillation", "double size{n}, phase{n};", "m->size{n} = 1e-3; m->phase{n} = {6};",
+     "{ const double from = x - ({2}), drive = fmax(1 - from / ({3}) * (from / ({3})), -1), g = {5} * T, r = "
+     "m->size{n};\n"
+     "    if (r > 1e-3) x += {1} * r * cos(m->phase{n});\n"
+     "    m->size{n} = fabs(drive) < 1e-9 ? r / sqrt(1 + 2 * g * r * r)\n"
+     "                                    : sqrt(drive / (1 + (drive / (r * r) - 1) * exp(-2 * g * drive)));\n"
+     "    if (m->size{n} > 1e-3) m->phase{n} += 6.283185307179586 * ({0}) * T * (1 + {4} / R * from);\n"
+     "    else { m->size{n} = 1e-3; m->phase{n} = {6}; } }"},
+    {"periodic_disturbance", "", "", "x += {1} * sin(6.283185307179586 * ({0}) * ((double)m->samples * T) + ({2}));"},
+    {"thermal_drift", "double warmth{n};", "m->warmth{n} = 0;",
+     "x *= 1 + {0} * m->warmth{n};\n"
+     "  m->warmth{n} += -expm1(-T / ({1})) * (1 - ({2}) + {2} * square_of_heating(m) - m->warmth{n});"},
+    {"sensor_offset", "", "", "x += {0};"},
+    {"sensor_drift", "", "", "x += {0} * ((double)m->samples * T);"},
+    {"intermittent", "", "", "x *= 1 + {1} * fmin(fmax(((double)m->samples * T - ({0})) / T + 0.5, 0), 1);"},
+    {"side_input", "", "", "x += {0} * side;"},
+};
+
+const LawText* text_of(std::string_view cause) {
+  const auto found = std::find_if(std::begin(kLawTexts), std::end(kLawTexts),
+                                  [&](const LawText& text) { return text.cause == cause; });
+  return found == std::end(kLawTexts) ? nullptr : found;
+}
+
+std::string filled(std::string_view text, std::size_t n, std::span<const double> parameters) {
+  std::string result(text);
+  const auto replace = [&](const std::string& mark, const std::string& by) {
+    for (auto at = result.find(mark); at != std::string::npos; at = result.find(mark, at + by.size())) {
+      result.replace(at, mark.size(), by);
+    }
+  };
+  replace("{n}", std::to_string(n));
+  for (std::size_t j = 0; j < parameters.size(); ++j) {
+    const std::string value = number(parameters[j]);
+    replace("{" + std::to_string(j) + "}", parameters[j] < 0 ? "(" + value + ")" : value);
+  }
+  return result;
+}
+
+bool is_neutral(const Mechanism& law, const std::vector<double>& parameters) {
+  return law.size_parameter < parameters.size() && parameters[law.size_parameter] == law.neutral &&
+         law.cause != "saturation";
+}
+
+/// The laws of one place as a function on x, and what they remember.
+struct PlaceText {
+  std::string state, code;
+};
+
+PlaceText place_text(const Model& model, Place place) {
+  PlaceText text;
+  for (std::size_t n = 0; n < model.mechanisms.size(); ++n) {
+    const MechanismUse& use = model.mechanisms[n];
+    const Mechanism& law = *find_mechanism(use.cause);
+    const LawText* c = text_of(use.cause);
+    if (law.place != place || !c || is_neutral(law, use.parameters)) continue;
+    if (!c->state.empty()) text.state += fmt::format("  {}\n", filled(c->state, n, use.parameters));
+    // What a law begins with is the signal as the laws before it leave it.
+    const std::string begin =
+        c->begin.empty() ? "" : fmt::format("  if (is_first) {{ {} }}\n", filled(c->begin, n, use.parameters));
+    text.code +=
+        fmt::format("  /* {}: {} */\n{}  {}\n", law.cause, law.wrong, begin, filled(c->code, n, use.parameters));
+  }
+  return text;
+}
+
+Result<void> check(const Model& model) {
+  std::size_t channels = 0;
+  for (const MechanismUse& use : model.mechanisms) {
+    if (use.cause == "side_input") ++channels;
+    const bool needs_range = use.cause == "static_curve" || use.cause == "self_oscillation";
+    if (!model.map && needs_range) {
+      return fail("needs_range", fmt::format("{} of a linear model is told in shares of an output range that only a "
+                                             "recording has: it cannot be exported",
+                                             use.cause));
+    }
+  }
+  if (channels > 1) return fail("too_many", "only one side channel can be exported");
+  if (!is_stable(model.dynamics)) return fail("unstable", "the model is unstable and cannot be exported");
+  return {};
+}
+
+constexpr const char* kHead = R"c(/* {title}
+ *
+ * Written by valvetriage; self-contained C99, nothing allocated. One call of valvetriage_step per sample of {period} s:
+ *   input    the {input_unit} at this sample
+ *   is_step  1 where the command was held until this sample and jumped here, 0 where it went straight
+ *   side     deviation of the side channel from its mean; 0 where the model has none
+ * valvetriage_start puts the model to rest at the first input; input_noise is the standard deviation of the noise on
+ * the input, 0 for a command. The first step is the first sample.
+ */
+#include <math.h>
+#include <stddef.h>
+
+)c";
+
+/// The linear system in observer chain form behind its delay; `rise` is how far the input goes over an interval.
+constexpr const char* kFilter = R"c(
+/* y = x[0] + direct . (u, rise, u before, rise before); the rise of this interval is known at the next sample. */
+static double filter_output(const valvetriage_model *m, double u) {
+  double y = ORDER > 0 ? m->x[0] : 0;
+  y += direct[0] * u;
+  if (COLUMNS == 4) y += direct[2] * m->u_before + direct[3] * m->rise_before;
+  return y;
+}
+
+static void filter_advance(valvetriage_model *m, double u, double rise) {
+  double before = 0;
+  int j;
+  for (j = 0; j < ORDER; ++j) {
+    const double *w = input_row + j * COLUMNS;
+    double next = diagonal[j] * m->x[j] + lower[j] * before + (j + 1 < ORDER ? m->x[j + 1] : 0) + w[0] * u;
+    if (COLUMNS >= 2) next += w[1] * rise;
+    if (COLUMNS == 4) next += w[2] * m->u_before + w[3] * m->rise_before;
+    before = m->x[j];
+    m->x[j] = fabs(next) < 1e-200 ? 0 : next;
+  }
+  m->u_before = u;
+  m->rise_before = rise;
+}
+
+/* The whole part of the delay: intervals go in as they end, the one of DELAY intervals ago comes out. */
+static void delayed_advance(valvetriage_model *m, double start, double rise) {
+#if DELAY > 0
+  const double late_start = m->late_start[m->oldest], late_rise = m->late_rise[m->oldest];
+  m->late_start[m->oldest] = start;
+  m->late_rise[m->oldest] = rise;
+  m->oldest = (m->oldest + 1) % DELAY;
+  filter_advance(m, late_start, late_rise);
+#else
+  filter_advance(m, start, rise);
+#endif
+}
+
+/* What the filter sees at this sample: the start of the interval of DELAY intervals ago. */
+static double delayed_now(const valvetriage_model *m, double start) {
+#if DELAY > 0
+  (void)start;
+  return m->late_start[m->oldest];
+#else
+  (void)m;
+  return start;
+#endif
+}
+)c";
+
+constexpr const char* kMap = R"c(
+static double steady_output(double x) {
+  int low = 0, high = KNOTS - 1;
+  while (high - low > 1) {
+    const int middle = (low + high) / 2;
+    if (map_input[middle] <= x) low = middle; else high = middle;
+  }
+  return map_output[low] + (map_output[high] - map_output[low]) / (map_input[high] - map_input[low]) * (x - map_input[low]);
+}
+)c";
+
+/// core/model/orifice_volume.cpp in C.
+constexpr const char* kVolume = R"c(
+/* (p + 1)^n - 1 and its slope, the tangent below zero: laminar at small drops. */
+static double orifice(double p, double n, double *slope) {
+  if (p < 0) {
+    *slope = n;
+    return n * p;
+  }
+  *slope = n * pow(p + 1, n) / (p + 1);
+  return pow(p + 1, n) - 1;
+}
+
+static double drop_of(double p, double *slope) {
+  const double drop = fmax(SUPPLY - p, 1), flow = pow(drop, EXPONENT);
+  *slope = -EXPONENT * flow / drop;
+  return flow;
+}
+
+/* dp/dt and its slope over p, towards a steady pressure steady. */
+static double volume_rate(double p, double steady, double *slope) {
+  double ignored, out_slope, loss_slope, drop_slope, rate;
+  const double in = orifice(steady, EXPONENT, &ignored), drop_steady = drop_of(steady, &ignored);
+  const double out = DRAIN_SHARE * orifice(p, DRAIN_EXPONENT, &out_slope);
+  const double loss = LOSS_SHARE * orifice(p, 0.5, &loss_slope), drop = drop_of(p, &drop_slope);
+  rate = SCALE * (drop / drop_steady * in - (out + loss));
+  *slope = SCALE * (in * drop_slope / drop_steady - (DRAIN_SHARE * out_slope + LOSS_SHARE * loss_slope));
+  if (rate < 0) {
+    rate /= FALL_RATIO;
+    *slope /= FALL_RATIO;
+  }
+  return rate;
+}
+
+static double relaxed(double x) { return fabs(x) < 1e-9 ? 1 : -expm1(-x) / x; }
+
+static double volume_settled(double steady) {
+  double low = fmin(steady, 0) - 1, high = fmax(SUPPLY, steady + 1), ignored;
+  int halving;
+  if (IS_HEALTHY) return fmin(steady, CEILING);
+  for (halving = 0; halving < 80; ++halving) {
+    const double middle = 0.5 * (low + high);
+    if (volume_rate(middle, steady, &ignored) > 0) low = middle; else high = middle;
+  }
+  return fmin(0.5 * (low + high), CEILING);
+}
+
+/* One sample: half a step with the slope at its start, then the whole with the slope at the middle. */
+static double volume_advance(double p, double steady, double next_steady) {
+  const double middle = 0.5 * (steady + next_steady);
+  double slope, rate = volume_rate(p, middle, &slope), half;
+  half = p + 0.5 * T * rate * relaxed(-0.5 * T * slope);
+  rate = volume_rate(half, middle, &slope);
+  return fmin(p + T * relaxed(-T * slope) * (rate + slope * (p - half)), CEILING);
+}
+)c";
+
+constexpr const char* kLoop = R"c(
+/* Prandtl-Ishlinskii: what the loop holds back of the force. */
+static double loop_held_back(valvetriage_model *m, double driver) {
+  double held_back = 0;
+  int k;
+  for (k = 0; k < 4; ++k) {
+    m->stop[k] = fmin(fmax(m->stop[k] + (driver - m->loop_driver), -loop_threshold[k]), loop_threshold[k]);
+    held_back += 0.5 * LOOP_WIDTH / 4 * m->stop[k] / loop_threshold[k];
+  }
+  m->loop_driver = driver;
+  return held_back;
+}
+)c";
+
+/// From the input's value at this sample to what has entered G, then through the rest of the chain.
+constexpr const char* kStep = R"c(
+static double gated(double at, double input, double noise) {
+  return fmin(fmax(at, input - 3 * noise), input + 3 * noise);
+}
+
+void valvetriage_start(valvetriage_model *m, double input, double input_noise) {
+  *m = (valvetriage_model){0};
+  m->input = m->driver = input;
+  m->noise = input_noise;
+}
+
+double valvetriage_step(valvetriage_model *m, double input, int is_step, double side) {
+  const double driver_before = m->driver;
+  double start, y, steady;
+  m->driver = gated(m->driver, input, m->noise);
+  if (m->samples > 0) {
+    /* the interval that ends here */
+    const double end_raw = is_step ? m->input : input;
+    const double end_driver = end_raw == m->input ? driver_before : m->driver;
+    double end = input_laws(m, end_raw, end_driver, 0);
+    m->input = input;
+    start = input_laws(m, input, m->driver, 0);
+    {
+      const double bare_end = end, bare_start = start, held_before = m->held_back;
+      m->force_driver = gated(m->force_driver, start, m->noise);
+      m->held_back = loop_held_back(m, m->force_driver);
+      start -= m->held_back;
+      end = bare_end == bare_start ? start : bare_end - held_before;
+    }
+    start -= INPUT_OFFSET;
+    end -= INPUT_OFFSET;
+    delayed_advance(m, m->start, end - m->start);
+  } else {
+    int j;
+    start = input_laws(m, input, m->driver, 1);
+    m->force_driver = m->loop_driver = start;
+    m->held_back = loop_held_back(m, start);
+    start -= m->held_back + INPUT_OFFSET;
+    for (j = 0; j < ORDER; ++j) m->x[j] = at_rest[j] * start;
+    m->u_before = start;
+    m->rise_before = 0;
+#if DELAY > 0
+    for (j = 0; j < DELAY; ++j) {
+      m->late_start[j] = start;
+      m->late_rise[j] = 0;
+    }
+#endif
+  }
+  m->start = start;
+  y = filter_output(m, delayed_now(m, start));
+  y = position_laws(m, y, m->samples == 0);
+  y = steady_output(y);
+  steady = map_laws(m, y, m->samples == 0);
+  m->pressure = m->samples == 0 ? volume_settled(steady) : volume_advance(m->pressure, m->steady, steady);
+  m->steady = steady;
+  y = output_laws(m, m->pressure + OUTPUT_OFFSET, m->samples == 0, side);
+  ++m->samples;
+  return y;
+}
+
+#ifdef VALVETRIAGE_MAIN
+#include <stdio.h>
+int main(void) {
+  static valvetriage_model model;
+  double input, side;
+  int is_step, is_first = 1;
+  while (scanf("%lf %d %lf", &input, &is_step, &side) == 3) {
+    if (is_first) valvetriage_start(&model, input, 0);
+    is_first = 0;
+    printf("%.17g\n", valvetriage_step(&model, input, is_step, side));
+  }
+  return 0;
+}
+#endif
+)c";
+
+std::string define(std::string_view name, double value) {
+  return fmt::format("#define {} ({})\n", name, number(value));
+}
+
+std::string array(std::string_view name, std::span<const double> values) {
+  return fmt::format("static const double {}[] = {{{}}};\n", name, numbers(values));
+}
+
+/// Healthy flows as the volume's class has them: κ, and the shares of another drain and of a loss.
+std::string volume_constants(const OrificeVolume& v) {
+  const auto flow = [](double p, double n) { return std::pow(p + 1, n) - 1; };
+  const double n = v.exponent, reference = v.reference_psi;
+  const double drop = std::max(v.supply_psi - reference, 1.0);
+  const double slope = n * std::pow(reference + 1, n - 1) + flow(reference, n) * n / drop;
+  const double drain = v.drain_excess_exponent != 0 ? std::max(n + v.drain_excess_exponent, 0.05) : n;
+  const double highest = v.highest_psi > 0 ? v.highest_psi : 2 * reference;
+  return define("SUPPLY", v.supply_psi) + define("EXPONENT", n) + define("DRAIN_EXPONENT", drain) +
+         define("DRAIN_SHARE", flow(reference, n) / flow(reference, drain)) +
+         define("LOSS_SHARE", v.loss_fraction * flow(highest, n) / flow(highest, 0.5)) +
+         define("SCALE", 1 / (v.time_constant_s * slope)) + define("FALL_RATIO", v.fall_to_rise_ratio) +
+         define("CEILING", v.ceiling_psi) +
+         define("IS_HEALTHY", v.drain_excess_exponent == 0 && v.loss_fraction == 0 ? 1 : 0);
+}
+
+std::string law_function(std::string_view name, std::string_view extra, const std::string& code) {
+  return fmt::format("\nstatic double {}(valvetriage_model *m, double x, {}) {{\n  (void)m;\n{}  return x;\n}}\n", name,
+                     extra, code);
+}
+
+}  // namespace
+
+Result<std::string> to_c(const Model& given, double sample_period_s) {
+  if (!(sample_period_s > 0)) return fail("not_positive", "the sample period must be positive");
+  const auto model = with_reshaped_blocks(given);
+  if (!model) return tl::unexpected(model.error());
+  if (auto checked = check(*model); !checked) return tl::unexpected(checked.error());
+  const auto filter = sampled_dynamics(model->dynamics, sample_period_s);
+  if (!filter) return tl::unexpected(filter.error());
+
+  const ChainForm& chain = filter->chain();
+  std::vector<double> rows;
+  for (Eigen::Index j = 0; j < chain.input.rows(); ++j) {
+    for (Eigen::Index c = 0; c < chain.input.cols(); ++c) rows.push_back(chain.input(j, c));
+  }
+  const FilterState rest = filter->steady(1.0).value_or(filter->rest());
+  const double gain = model->map ? 1 : static_gain(model->dynamics);
+  const bool is_valve = model->map.has_value();
+  const double low_a = is_valve ? model->map->input.front() : given.input_offset;
+  const double high_a = is_valve ? model->map->input.back() : given.input_offset;
+  const double rise = is_valve ? model->map->output.back() - model->map->output.front() : 0;
+
+  std::string text(kHead);
+  const auto set = [&](const std::string& mark, const std::string& by) {
+    text.replace(text.find(mark), mark.size(), by);
+  };
+  set("{title}", is_valve ? "Simulation of a valve." : "Simulation of a linear machine.");
+  set("{period}", number(sample_period_s));
+  set("{input_unit}", given.input_unit == "A" ? "current in A" : "input");
+
+  text += define("T", sample_period_s) + fmt::format("#define ORDER {}\n#define COLUMNS {}\n#define DELAY {}\n",
+                                                     filter->order(), chain.input.cols(), filter->delay_samples());
+  text += define("INPUT_OFFSET", given.input_offset) + define("OUTPUT_OFFSET", given.output_offset);
+  text += define("R", std::abs(rise)) + define("MIDDLE", 0.5 * (low_a + high_a)) + define("REST", low_a) +
+          define("SECANT", is_valve ? rise / (high_a - low_a) : gain);
+  text += define("LOOP_WIDTH", model->loop ? model->loop->width_a : 0);
+  if (model->volume) text += volume_constants(*model->volume);
+  const std::vector<double> direct(chain.direct.begin(), chain.direct.end());
+  text += array("diagonal", chain.diagonal) + array("lower", chain.lower) + array("input_row", rows) +
+          fmt::format("static const double direct[4] = {{{}}};\n", numbers(direct)) + array("at_rest", rest.x) +
+          array("loop_threshold", MagneticLoop::kThresholds_a);
+  if (is_valve) {
+    text += fmt::format("#define KNOTS {}\n", model->map->input.size());
+    text += array("map_input", model->map->input) + array("map_output", model->map->output);
+  }
+
+  const PlaceText input = place_text(*model, Place::kInput), position = place_text(*model, Place::kPosition),
+                  steady = place_text(*model, Place::kSteady), output = place_text(*model, Place::kOutput);
+  text +=
+      "\ntypedef struct {\n  size_t samples;\n  double input, driver, force_driver, loop_driver, noise, start, "
+      "held_back, stop[4];\n"
+      "  double x[ORDER + 1], u_before, rise_before;\n#if DELAY > 0\n  double late_start[DELAY], late_rise[DELAY];\n"
+      "  size_t oldest;\n#endif\n  double steady, pressure;\n" +
+      input.state + position.state + steady.state + output.state + "} valvetriage_model;\n";
+  text +=
+      "\nvoid valvetriage_start(valvetriage_model *m, double input, double input_noise);\n"
+      "double valvetriage_step(valvetriage_model *m, double input, int is_step, double side);\n";
+  if (output.code.find("clamped(") != std::string::npos) {
+    text +=
+        "\n/* A clamp from above, its corner a parabola over one thousandth of the range to both sides. */\n"
+        "static double clamped(double x, double level) {\n  const double knee = 1e-3 * R;\n"
+        "  if (!(x > level - knee)) return x;\n  if (x >= level + knee) return level;\n"
+        "  return x - (x - level + knee) * (x - level + knee) / (4 * knee);\n}\n";
+  }
+  if (steady.code.find("square_of_heating(") != std::string::npos) {
+    text +=
+        "\nstatic double square_of_heating(const valvetriage_model *m) {\n"
+        "  const double over = MIDDLE != 0 ? m->input / MIDDLE : 1;\n  return over * over;\n}\n";
+  }
+  const char* begin = "  (void)is_first;\n";
+  const std::string to_position = is_valve ? "" : "  x = x / SECANT + REST;\n";
+  const std::string from_position = is_valve ? "" : "  x = (x - REST) * SECANT;\n";
+  text +=
+      law_function("input_laws", "double driver, int is_first", "  (void)driver;\n" + std::string(begin) + input.code);
+  text += law_function("position_laws", "int is_first",
+                       begin + (position.code.empty() ? "" : to_position + position.code + from_position));
+  text += law_function("map_laws", "int is_first", begin + (is_valve ? steady.code : ""));
+  text += law_function("output_laws", "int is_first, double side",
+                       begin + std::string("  (void)side;\n") + (is_valve ? "" : steady.code) + output.code);
+  text += is_valve ? kMap : "\nstatic double steady_output(double x) { return x; }\n";
+  text += model->volume
+              ? kVolume
+              : "\nstatic double volume_settled(double steady) { return steady; }\n"
+                "static double volume_advance(double p, double before, double steady) {\n  (void)p;\n  (void)before;\n"
+                "  return steady;\n}\n";
+  return text + kLoop + kFilter + kStep;
+}
+
+}  // namespace valvetriage
