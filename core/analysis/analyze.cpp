@@ -114,11 +114,9 @@ Result<void> require_current(const Reference& reference) {
 std::vector<std::vector<double>> diagnose(std::span<const Recording> recordings, const ValveFit& fit,
                                           const ValveFitOptions& options, const Reference& reference,
                                           Analysis& analysis) {
-  ValveDiagnosis diagnosis = diagnose_valve(recordings, fit,
-                                            {.fit = options,
-                                             .good_valves = reference.valves,
-                                             .causes = reference.causes,
-                                             .leftovers = reference.leftovers});
+  ValveDiagnosis diagnosis = diagnose_valve(
+      recordings, fit,
+      {.fit = options, .good_valves = reference.valves, .causes = reference.causes, .leftovers = reference.leftovers});
   analysis.discrepancy = std::move(diagnosis.discrepancy);
   analysis.extended_model = std::move(diagnosis.extended_model);
   if (analysis.discrepancy->causes.empty()) return {};

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <boost/math/distributions/fisher_f.hpp>
+#include <boost/math/distributions/students_t.hpp>
 #include <cmath>
 #include <limits>
 
@@ -45,10 +46,23 @@ double good_valve_p_value(double reduction, Index freedoms, double noise_reducti
   return boost::math::cdf(boost::math::complement(boost::math::fisher_f(k, std::min(known, 1e6)), statistic));
 }
 
+double size_p_value(double size_from_none, double mean_from_none, double sd, double reduction, int good_valves) {
+  if (!(reduction > 0) || good_valves < 2) return 1;
+  // A reduction is the square of size over error.
+  const double error = std::abs(size_from_none) / std::sqrt(reduction);
+  const double spread = sd * std::sqrt(1 + 1.0 / good_valves);
+  const double total = std::hypot(spread, error);
+  if (!(total > 0)) return 1;
+  const double share = total / std::max(spread, 1e-3 * total);
+  const double known = std::min(1e6, (good_valves - 1) * std::pow(share, 4));
+  const boost::math::students_t student(known);
+  return 2 * boost::math::cdf(boost::math::complement(student, std::abs(size_from_none - mean_from_none) / total));
+}
+
 std::vector<LeftoverGroup> leftover_groups(const LinearisedValve& fit, double output_range) {
-  static constexpr std::array<const char*, 6> kNames{"at rest, low",  "at rest, middle", "at rest, high",
-                                                     "moving, low", "moving, middle",  "moving, high"};
-  std::array<double, 6> squares{};
+  static constexpr std::array<const char*, 6> kNames{"at rest, low", "at rest, middle", "at rest, high",
+                                                     "moving, low",  "moving, middle",  "moving, high"};
+  std::array<double, 6> squares{}, fast{};
   std::array<int, 6> blocks{};
   for (std::size_t r = 0; r < fit.error().size(); ++r) {
     const auto& sample = fit.rows()[r].sample;
@@ -61,17 +75,22 @@ std::vector<LeftoverGroup> leftover_groups(const LinearisedValve& fit, double ou
       const double level = std::clamp(0.5 * (*least + *most) / output_range, 0.0, 0.999);
       const bool moving = *most - *least > 0.01 * output_range;
       const std::size_t group = static_cast<std::size_t>(3 * level) + (moving ? 3 : 0);
-      const double mean = fit.error()[r].segment(first, kGroupBlock).mean();
+      const auto block = fit.error()[r].segment(first, kGroupBlock);
+      const double mean = block.mean();
       squares[group] += mean * mean * static_cast<double>(kGroupBlock);
+      fast[group] += 0.5 * (block.tail(kGroupBlock - 1) - block.head(kGroupBlock - 1)).squaredNorm() /
+                     static_cast<double>(kGroupBlock - 1);
       ++blocks[group];
     }
   }
   std::vector<LeftoverGroup> groups;
   for (std::size_t g = 0; g < squares.size(); ++g) {
     LeftoverGroup group{.group = kNames[g], .log_ratio = std::numeric_limits<double>::quiet_NaN(), .blocks = blocks[g]};
-    if (blocks[g] >= kFewestBlocks) group.log_ratio = std::log(std::max(squares[g] / blocks[g], 1e-12));
+    if (blocks[g] >= kFewestBlocks) group.log_ratio = std::log(std::max(squares[g], 1e-12) / std::max(fast[g], 1e-12));
     groups.push_back(std::move(group));
   }
+  const double base = std::max(groups.front().log_ratio, 0.0);  // NaN: 0
+  for (LeftoverGroup& group : groups) group.log_ratio -= base;
   return groups;
 }
 

@@ -70,8 +70,7 @@ class Refit {
     const bool whole = fold.count == rows_[fold.recording].error.size();
     if (whole) step.segment(problem.own_at(fold.recording), problem.own()).setZero();
     const auto errors = rows_[fold.recording].error.segment(fold.first, fold.count);
-    const double kept =
-        explanation_.cost - static_cast<double>(problem.stride()) * errors.squaredNorm() - b.dot(step);
+    const double kept = explanation_.cost - static_cast<double>(problem.stride()) * errors.squaredNorm() - b.dot(step);
     return {problem.clamped(explanation_.v + step), kept};
   }
 

@@ -151,8 +151,7 @@ bool descend(Search& search, const LinearisedValve& fit, Point& point, double& d
     const double step = moved[j] + search.step(j) > search.upper(j) ? -search.step(j) : search.step(j);
     moved[j] += step;
     const auto owner = search.owner(j);
-    LinearisedValve::Signature there =
-        owner ? search.effect_of_own(moved, *owner, point.effect) : search.effect(moved);
+    LinearisedValve::Signature there = owner ? search.effect_of_own(moved, *owner, point.effect) : search.effect(moved);
     for (std::size_t r = 0; r < there.column.size(); ++r) {
       there.column[r] = (there.column[r] - point.effect.column[r]) / step;
     }

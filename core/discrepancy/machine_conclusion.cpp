@@ -75,8 +75,8 @@ bool wins_where_it_acts(const MachineScore& pair, const MachineScore& single) {
 bool pays(const MachineScore& pair, const MachineScore& single, double floor) {
   const double left = std::max(std::exp(2 * single.mean) - floor * floor, 1e-18);
   const double removed = std::exp(2 * single.mean) - std::exp(2 * pair.mean);
-  const bool most_blocks = pair.mean < single.mean - std::log(kOverSingle) &&
-                           sign_test(pair.log_rms, single.log_rms) < 2 * kSignificant;
+  const bool most_blocks =
+      pair.mean < single.mean - std::log(kOverSingle) && sign_test(pair.log_rms, single.log_rms) < 2 * kSignificant;
   return removed > kRemovedBySecond * left && (most_blocks || wins_where_it_acts(pair, single));
 }
 

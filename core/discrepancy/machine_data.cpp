@@ -38,7 +38,8 @@ bool holds_and_moves(std::span<const Recording> recordings) {
   for (const Recording& recording : recordings) {
     for (const Segment& segment : recording.segments) {
       if (segment.kind == SegmentKind::kStep) ++steps;
-      if (segment.kind == SegmentKind::kRamp || segment.kind == SegmentKind::kSweep) moving += segment.end - segment.begin;
+      if (segment.kind == SegmentKind::kRamp || segment.kind == SegmentKind::kSweep)
+        moving += segment.end - segment.begin;
     }
   }
   return steps > 0 && moving > 0;

@@ -36,7 +36,7 @@ struct MachineData {
   double period_s = 0;  ///< of a record: stride samples of the recordings
   std::size_t stride = 1;
   bool interval_means = false;  ///< inputs are means over the intervals between samples
-  bool windows = false;  ///< records are windows of longer recordings
+  bool windows = false;         ///< records are windows of longer recordings
   double input_mean = 0, input_scale = 1, output_mean = 0, output_scale = 1;
   std::vector<MachineFold> folds;
   std::string heldout;  ///< what is held out, for a reader

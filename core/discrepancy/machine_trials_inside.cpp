@@ -252,7 +252,8 @@ std::vector<MachineTrial> tank_trials(const MachineData& data, const MachineGrou
       auto& rims = fit.machine.blocks[0].parameters;
       const double deepest = g.output_high - zero;
       rims[8] = g.output_high;
-      fit.free.push_back(parameter(0, 8, g.output_high - 0.3 * g.output_range(), g.output_high + 0.1 * g.output_range()));
+      fit.free.push_back(
+          parameter(0, 8, g.output_high - 0.3 * g.output_range(), g.output_high + 0.1 * g.output_range()));
       spilling.starts.push_back(fit);
       if (tanks < 2) continue;
       for (const double rim : {0.7, 1.0}) {

@@ -9,9 +9,9 @@ namespace valvetriage {
 /// A line in the spectrum of a residual, one frequency in all recordings, a phase of its own in each.
 struct Tone {
   double frequency_hz = 0;
-  double amplitude = 0;               ///< root mean square over the recordings [unit of the output]
-  std::vector<double> phase_rad;      ///< of a sine, one per recording
-  double prominence = 0;              ///< power over that of its neighbours
+  double amplitude = 0;           ///< root mean square over the recordings [unit of the output]
+  std::vector<double> phase_rad;  ///< of a sine, one per recording
+  double prominence = 0;          ///< power over that of its neighbours
 };
 
 /// The most prominent lines of a residual, by the periodogram of every recording over its local background, summed.

@@ -27,13 +27,23 @@ constexpr int kSearchSteps = 5;
 // Joint fits of those that the survey leaves in the race: this far behind the best in ln likelihood, this many at most.
 constexpr double kInTheRace = 30;
 constexpr std::size_t kMostJointFits = 4;
-constexpr int kJointSteps = 8;
+constexpr int kJointSteps = 12;
+// A residual this many times slower than white noise has bent the baseline.
+constexpr double kBent = 6;
 // A further cause explains at least this share of what is left above the noise (three in ten, lesson of the pairs).
 constexpr double kShareOfASecond = 0.3;
 constexpr std::size_t kMostCauses = 3;
 constexpr double kSettled = 0.95;
 // An alternative below this probability is not worth a reader's time.
 constexpr double kWorthNaming = 0.03;
+
+/// The size of an explanation's last law.
+double size_in(const Explanation& explanation) {
+  const std::size_t last = explanation.laws.size() - 1;
+  const std::vector<double> parameters = explanation.problem->law_parameters(explanation.v, last, 0);
+  const std::size_t at = explanation.laws[last].law.law->size_parameter;
+  return at < parameters.size() ? parameters[at] : 1;
+}
 
 /// One law of a survey with what its evidence means.
 struct Tested {
@@ -80,8 +90,8 @@ Survey survey_laws(const LinearisedValve& fit, const ValveFitOptions& options, c
     if (without.contains(cause)) continue;
     auto found = search_law(fit, options, variant.law, variant.starts, kSearchSteps);
     if (!found) continue;
-    Tested tested{.noise_reduction = noise_reduction(variant, found->freedoms, fit.problem().recordings(),
-                                                     fit.samples())};
+    Tested tested{.noise_reduction =
+                      noise_reduction(variant, found->freedoms, fit.problem().recordings(), fit.samples())};
     tested.fit = std::move(*found);
     const auto known = std::find_if(survey.tested.begin(), survey.tested.end(),
                                     [&](const Tested& other) { return other.cause() == cause; });
@@ -93,8 +103,8 @@ Survey survey_laws(const LinearisedValve& fit, const ValveFitOptions& options, c
   }
   std::stable_sort(survey.tested.begin(), survey.tested.end(),
                    [](const Tested& a, const Tested& b) { return a.fit.reduction > b.fit.reduction; });
-  survey.inflation = survey.tested.empty() ? noise_inflation(fit.error())
-                                           : noise_inflation(survey.tested.front().fit.residual);
+  survey.inflation =
+      survey.tested.empty() ? noise_inflation(fit.error()) : noise_inflation(survey.tested.front().fit.residual);
   for (Tested& tested : survey.tested) {
     tested.evidence = tested.fit.verified / survey.inflation;
     tested.promise = tested.fit.reduction / survey.inflation;
@@ -102,28 +112,66 @@ Survey survey_laws(const LinearisedValve& fit, const ValveFitOptions& options, c
   return survey;
 }
 
-void judge(Survey& survey, const ValveDiagnosisOptions& options) {
-  for (Tested& tested : survey.tested) {
-    tested.p_value = good_valve_p_value(tested.evidence, tested.fit.freedoms, tested.noise_reduction,
-                                        mean_evidence(options.causes, tested.cause()), options.good_valves);
+const CauseOnGoodValves* on_good_valves(std::span<const CauseOnGoodValves> causes, std::string_view cause) {
+  for (const CauseOnGoodValves& good : causes) {
+    if (good.cause == cause) return &good;
+  }
+  return nullptr;
+}
+
+/// By the evidence or by the size, whichever tells more; two tests are paid for.
+double p_value_of(const Tested& tested, double evidence, double size, const ValveDiagnosisOptions& options) {
+  const CauseOnGoodValves* good = on_good_valves(options.causes, tested.cause());
+  const double by_evidence = good_valve_p_value(evidence, tested.fit.freedoms, tested.noise_reduction,
+                                                good ? good->evidence_mean : 0, options.good_valves);
+  const double neutral = tested.fit.law.law->neutral;
+  if (!good || !std::isfinite(neutral)) return by_evidence;
+  const double searched = std::max(0.0, tested.noise_reduction - static_cast<double>(tested.fit.freedoms));
+  const double by_size =
+      size_p_value(size - neutral, good->size_mean - neutral, good->size_sd, evidence - searched, options.good_valves);
+  return std::min(1.0, 2 * std::min(by_evidence, by_size));
+}
+
+/// The population's mean beside the laws already found, with the recordings' own states.
+VectorXd at_population_mean(const Explanation& explanation) {
+  VectorXd v = explanation.v;
+  if (explanation.options->prior) v.head(explanation.problem->baseline_size()) = explanation.options->prior->mean;
+  return explanation.problem->clamped(v);
+}
+
+/// Takes over what a survey from another point found better. `offset` brings its verified reductions to this one's
+/// baseline: cost here less cost there.
+void keep_better(Survey other, double offset, Survey& survey) {
+  for (Tested& there : other.tested) {
+    there.fit.verified = std::max(0.0, there.fit.verified + offset);
+    there.evidence = there.fit.verified / survey.inflation;
+    there.promise = there.evidence;
+    const auto here = std::find_if(survey.tested.begin(), survey.tested.end(),
+                                   [&](const Tested& t) { return t.cause() == there.cause(); });
+    if (here == survey.tested.end()) {
+      survey.tested.push_back(std::move(there));
+    } else if (there.fit.verified > here->fit.verified) {
+      *here = std::move(there);
+    }
   }
 }
 
-double smallest_p(const Survey& survey) {
-  double p = 1;
-  for (const Tested& tested : survey.tested) p = std::min(p, tested.p_value);
-  return std::min(1.0, p * static_cast<double>(survey.tested.size()));
-}
-
-/// Those still in the race after a survey: near the best in likelihood, and beyond what a good valve shows.
-std::vector<const Tested*> in_the_race(const Survey& survey) {
+/// Those still in the race after a survey: near the best in likelihood, and perhaps beyond what a good valve shows.
+std::vector<const Tested*> in_the_race(const Survey& survey, const ValveDiagnosisOptions& options) {
+  const double laws = static_cast<double>(survey.tested.size());
   std::vector<const Tested*> racing;
-  double best = 0;
   for (const Tested& tested : survey.tested) {
-    const double forecast = std::max(tested.evidence, tested.promise);
-    best = std::max(best, forecast);
-    if (forecast < best - 2 * kInTheRace || racing.size() == kMostJointFits) continue;
-    racing.push_back(&tested);
+    if (p_value_of(tested, std::max(tested.evidence, tested.promise), tested.size(), options) * laws <= kFalseAlarm) {
+      racing.push_back(&tested);
+    }
+  }
+  const auto forecast = [](const Tested* tested) { return std::max(tested->evidence, tested->promise); };
+  std::stable_sort(racing.begin(), racing.end(),
+                   [&](const Tested* a, const Tested* b) { return forecast(a) > forecast(b); });
+  if (racing.size() > kMostJointFits) racing.resize(kMostJointFits);
+  while (!racing.empty() && forecast(racing.back()) < forecast(racing.front()) - 2 * kInTheRace &&
+         racing.back()->evidence < racing.front()->evidence - 2 * kInTheRace) {
+    racing.pop_back();
   }
   return racing;
 }
@@ -195,45 +243,52 @@ class Diagnosis {
     }
     const LinearisedValve linear(*beside.problem, beside.v);
     contest.survey = survey_laws(linear, *beside.options, without);
-    judge(contest.survey, options_);
-    contest.p_value = smallest_p(contest.survey);
-    if (contest.p_value > kFalseAlarm) return contest;
+    if (noise_inflation(linear.error()) > kBent) {
+      // The baseline has bent towards the fault: look from where a good valve stands as well.
+      const LinearisedValve mean(*beside.problem, at_population_mean(beside));
+      keep_better(survey_laws(mean, *beside.options, without), beside.cost - mean.cost(), contest.survey);
+    }
+    for (Tested& tested : contest.survey.tested)
+      tested.p_value = p_value_of(tested, tested.evidence, tested.size(), options_);
+    const auto racing = in_the_race(contest.survey, options_);
+    if (racing.empty()) return contest;
+    const double laws = static_cast<double>(contest.survey.tested.size());
 
     std::vector<Explanation> fitted;
-    for (const Tested* tested : in_the_race(contest.survey)) {
+    double lowest = beside.cost;
+    double inflation = 1;
+    for (const Tested* tested : racing) {
       fitted.push_back(extend(recordings_, beside, tested->fit, kJointSteps));
+      if (fitted.back().cost >= lowest) continue;
+      lowest = fitted.back().cost;
+      inflation = noise_inflation(whitened_residual(fitted.back()));
     }
-    if (fitted.empty()) return contest;
-    std::size_t best = 0;
-    for (std::size_t i = 1; i < fitted.size(); ++i) {
-      if (fitted[i].cost < fitted[best].cost) best = i;
+    // Evidence a good valve has as well is no evidence: its mean is taken off before laws are compared.
+    const auto rank = [&](const Tested& tested, double reduction) {
+      const double excess = reduction / inflation - mean_evidence(options_.causes, tested.cause());
+      return log_likelihood(-excess * inflation, tested.fit.freedoms, inflation, linear.samples());
+    };
+    std::optional<std::size_t> best;
+    double best_rank = 0;
+    for (std::size_t i = 0; i < fitted.size(); ++i) {
+      const double reduction = beside.cost - fitted[i].cost;
+      contest.ranked.push_back({racing[i]->cause(), rank(*racing[i], reduction)});
+      const double p =
+          std::min(1.0, laws * p_value_of(*racing[i], reduction / inflation, size_in(fitted[i]), options_));
+      if (p > kFalseAlarm || (best && contest.ranked.back().log_likelihood <= best_rank)) continue;
+      best = i;
+      best_rank = contest.ranked.back().log_likelihood;
+      contest.p_value = p;
     }
-    const double inflation = noise_inflation(whitened_residual(fitted[best]));
-    const double samples = linear.samples();
-    for (const Explanation& explanation : fitted) {
-      contest.ranked.push_back({std::string(explanation.laws.back().law.law->cause),
-                                log_likelihood(explanation.cost, explanation.laws.back().freedoms, inflation, samples)});
-    }
+    if (!best) return contest;
     for (const Tested& tested : contest.survey.tested) {
       const bool refitted = std::any_of(contest.ranked.begin(), contest.ranked.end(),
                                         [&](const Ranked& r) { return r.cause == tested.cause(); });
-      if (refitted) continue;
-      contest.ranked.push_back({tested.cause(), log_likelihood(beside.cost - tested.fit.verified, tested.fit.freedoms,
-                                                               inflation, samples)});
+      if (!refitted) contest.ranked.push_back({tested.cause(), rank(tested, tested.fit.verified)});
     }
     normalise(contest.ranked);
-    // The winner is one that was fitted; a mere forecast that ranks above it is a rival.
-    double highest = -1;
-    for (std::size_t i = 0; i < fitted.size(); ++i) {
-      const std::string_view cause = fitted[i].laws.back().law.law->cause;
-      for (const Ranked& r : contest.ranked) {
-        if (r.cause != cause || r.probability <= highest) continue;
-        highest = r.probability;
-        best = i;
-      }
-    }
-    contest.cause = std::string(fitted[best].laws.back().law.law->cause);
-    contest.best = std::move(fitted[best]);
+    contest.cause = racing[*best]->cause();
+    contest.best = std::move(fitted[*best]);
     return contest;
   }
 
@@ -331,13 +386,6 @@ class Diagnosis {
   std::size_t replaced_ = 0;
 };
 
-const CauseOnGoodValves* on_good_valves(std::span<const CauseOnGoodValves> causes, std::string_view cause) {
-  for (const CauseOnGoodValves& good : causes) {
-    if (good.cause == cause) return &good;
-  }
-  return nullptr;
-}
-
 double family_probability(const std::vector<Ranked>& ranked, std::string_view family) {
   double sum = 0;
   for (const Ranked& r : ranked) {
@@ -375,10 +423,13 @@ ValveDiagnosis Diagnosis::conclude(const Explanation& explanation) {
   for (std::size_t l = 0; l < explanation.laws.size(); ++l) {
     const Mechanism& law = *explanation.laws[l].law.law;
     const std::vector<Ranked>& ranked = entries_[l].ranked;
-    NamedCause named{.cause = std::string(law.cause), .family = std::string(law.family), .origin = std::string(law.origin)};
+    NamedCause named{
+        .cause = std::string(law.cause), .family = std::string(law.family), .origin = std::string(law.origin)};
     for (const Ranked& r : ranked) {
-      if (r.cause == named.cause) named.probability = r.probability;
-      else if (r.probability >= kWorthNaming) named.alternatives.push_back(r.cause);
+      if (r.cause == named.cause)
+        named.probability = r.probability;
+      else if (r.probability >= kWorthNaming)
+        named.alternatives.push_back(r.cause);
     }
     named.family_probability = family_probability(ranked, law.family);
     if (!explained) named.probability = std::min(named.probability, 0.5);
@@ -416,7 +467,10 @@ ValveDiagnosis Diagnosis::conclude(const Explanation& explanation) {
   // Candidates: the first contest's ranking, none and unknown.
   const double none = discrepancy.conclusion == Conclusion::kNone ? 1.0 : 0.0;
   const double unknown = discrepancy.conclusion == Conclusion::kUnexplained ? 1.0 : 0.0;
-  discrepancy.candidates.push_back({.cause = "none", .probability = none, .rmse_heldout = std::nan(""), .reason = "nothing beyond what good valves leave"});
+  discrepancy.candidates.push_back({.cause = "none",
+                                    .probability = none,
+                                    .rmse_heldout = std::nan(""),
+                                    .reason = "nothing beyond what good valves leave"});
   for (const Tested& tested : first_survey_.tested) {
     Candidate candidate{.cause = tested.cause(), .rmse_heldout = std::nan("")};
     if (none == 0 && unknown == 0 && entries_.size() == 1) {
@@ -437,7 +491,11 @@ ValveDiagnosis Diagnosis::conclude(const Explanation& explanation) {
     }
     discrepancy.candidates.push_back({.cause = name, .probability = 1, .rmse_heldout = std::nan("")});
   }
-  discrepancy.candidates.push_back({.cause = "unknown", .probability = unknown, .rmse_heldout = std::nan(""), .reason = fmt::format("leftover p {:.2g}, inflation {:.2f}", leftover_p, inflation)});
+  discrepancy.candidates.push_back(
+      {.cause = "unknown",
+       .probability = unknown,
+       .rmse_heldout = std::nan(""),
+       .reason = fmt::format("leftover p {:.2g}, inflation {:.2f}", leftover_p, inflation)});
   for (Candidate& candidate : first_survey_.untestable) discrepancy.candidates.push_back(candidate);
   discrepancy.gain = measure_gain(baseline_, explanation);
   return diagnosis;

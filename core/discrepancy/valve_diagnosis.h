@@ -19,8 +19,8 @@ struct ValveDiagnosisOptions {
 
 struct ValveDiagnosis {
   Discrepancy discrepancy;
-  Model extended_model;                        ///< the baseline's where nothing was added
-  std::vector<std::vector<double>> extended;   ///< its free runs
+  Model extended_model;                       ///< the baseline's where nothing was added
+  std::vector<std::vector<double>> extended;  ///< its free runs
 };
 
 /// Show, name, extend, measure for one valve against the population of good ones.

@@ -31,8 +31,8 @@ Model Explanation::model() const {
   const VectorXd knots = v.segment(ValveFitProblem::kParameters, problem->knots());
   std::vector<double> outputs(knots.data(), knots.data() + knots.size());
   outputs = monotone_regression(outputs, std::vector<double>(outputs.size(), 1.0));
-  Model model = to_model(to_parameters(v.head(ValveFitProblem::kParameters), options->reference_psi),
-                         {options->knots, outputs});
+  Model model =
+      to_model(to_parameters(v.head(ValveFitProblem::kParameters), options->reference_psi), {options->knots, outputs});
   for (std::size_t l = 0; l < options->laws.size(); ++l) {
     const LawInFit& law = options->laws[l];
     MechanismUse use{.cause = std::string(law.law->cause),
@@ -70,8 +70,7 @@ Explanation explain_nothing(std::span<const Recording> recordings, const ValveFi
   return nothing;
 }
 
-Explanation extend(std::span<const Recording>, const Explanation& explanation, const LawFit& law,
-                   int most_iterations) {
+Explanation extend(std::span<const Recording>, const Explanation& explanation, const LawFit& law, int most_iterations) {
   Explanation extended;
   extended.options = std::make_unique<ValveFitOptions>(*explanation.options);
   extended.options->laws.push_back(law.law);
@@ -89,8 +88,7 @@ Explanation extend(std::span<const Recording>, const Explanation& explanation, c
   return extended;
 }
 
-Explanation without(std::span<const Recording>, const Explanation& explanation, std::size_t law,
-                    int most_iterations) {
+Explanation without(std::span<const Recording>, const Explanation& explanation, std::size_t law, int most_iterations) {
   Explanation less;
   less.options = std::make_unique<ValveFitOptions>(*explanation.options);
   less.options->laws.erase(less.options->laws.begin() + static_cast<std::ptrdiff_t>(law));

@@ -25,8 +25,7 @@ struct Explanation {
 };
 
 /// The valve alone. recordings and everything in them must outlive the explanation.
-Explanation explain_nothing(std::span<const Recording> recordings, const ValveFitOptions& options,
-                            const ValveFit& fit);
+Explanation explain_nothing(std::span<const Recording> recordings, const ValveFitOptions& options, const ValveFit& fit);
 /// One more law, everything fitted together from where its search ended.
 Explanation extend(std::span<const Recording> recordings, const Explanation& explanation, const LawFit& law,
                    int most_iterations);

@@ -70,9 +70,9 @@ class ValveFitProblem {
   /// Rows of one recording, whitened by its noise: sensitivities [shared | own] and errors at every stride-th valid
   /// sample.
   struct Rows {
-    Eigen::MatrixXd jacobian;            ///< rows × (shared + own)
-    Eigen::VectorXd error;               ///< measured − simulated
-    std::vector<std::size_t> sample;     ///< of each row
+    Eigen::MatrixXd jacobian;         ///< rows × (shared + own)
+    Eigen::VectorXd error;            ///< measured − simulated
+    std::vector<std::size_t> sample;  ///< of each row
   };
   Rows rows(const Eigen::VectorXd& v, std::size_t recording) const;
 
@@ -92,7 +92,7 @@ class ValveFitProblem {
   struct Prepared {
     const Recording* recording = nullptr;
     IntervalSignal input;
-    std::vector<double> time_s;      ///< of each sample, from the recording's start
+    std::vector<double> time_s;       ///< of each sample, from the recording's start
     std::vector<double> ends_s;       ///< start and end of each interval
     std::vector<double> ends_driver;  ///< the input there, without its noise
     double inverse_variance = 1;

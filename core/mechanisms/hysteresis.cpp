@@ -41,9 +41,9 @@ MechanismBounds bounds(const MechanismScales& scales) {
 
 void apply(std::span<const double> parameters, const LawContext& context, std::span<double> x) {
   if (x.empty() || parameters[kWidth] == 0) return;
-  const std::vector<double> driver =
-      context.driver.empty() ? std::vector<double>(x.begin(), x.end())
-                             : std::vector<double>(context.driver.begin(), context.driver.end());
+  const std::vector<double> driver = context.driver.empty()
+                                         ? std::vector<double>(x.begin(), x.end())
+                                         : std::vector<double>(context.driver.begin(), context.driver.end());
   std::array<double, kStops> stop{};
   const double memory = parameters.size() > kMemory ? parameters[kMemory] : 0;
   for (std::size_t k = 0; k < kStops; ++k) {

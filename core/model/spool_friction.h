@@ -11,11 +11,12 @@ namespace valvetriage {
 ///   ẍ = ωn² (u − x − f) − 2 ζ ωn ẋ,   |f| ≤ F_s at rest,   f = sign(ẋ) (F_k + (F_s − F_k) e^(−(ẋ/v_s)²)) in motion
 ///
 /// Source: Stribeck's curve as in Armstrong-Hélouvry, Dupont, Canudas de Wit, Automatica 30 (1994) 1083; the force that
-/// would stop the motion, clamped to the friction force, implicitly: Karnopp, J. Dyn. Sys. Meas. Control 107 (1985) 100.
+/// would stop the motion, clamped to the friction force, implicitly: Karnopp, J. Dyn. Sys. Meas. Control 107 (1985)
+/// 100.
 struct SpoolFriction {
-  double breakaway_a = 0;        ///< F_s ≥ 0; 0: none [A]
-  double kinetic_a = 0;          ///< F_k, at most F_s [A]
-  double stribeck_a_per_s = 0;   ///< v_s > 0, speed in input equivalents [A/s]
+  double breakaway_a = 0;       ///< F_s ≥ 0; 0: none [A]
+  double kinetic_a = 0;         ///< F_k, at most F_s [A]
+  double stribeck_a_per_s = 0;  ///< v_s > 0, speed in input equivalents [A/s]
 
   bool operator==(const SpoolFriction&) const = default;
 };

@@ -38,7 +38,8 @@ struct Samples {
 
 /// Lag at which the autocorrelation of a residual, freed of its mean, falls below a tenth.
 std::size_t correlation_length(std::span<const double> e) {
-  const double mean = std::accumulate(e.begin(), e.end(), 0.0) / static_cast<double>(std::max<std::size_t>(e.size(), 1));
+  const double mean =
+      std::accumulate(e.begin(), e.end(), 0.0) / static_cast<double>(std::max<std::size_t>(e.size(), 1));
   double power = 0;
   for (const double value : e) power += (value - mean) * (value - mean);
   const std::size_t most = e.size() / 8;
@@ -55,7 +56,8 @@ std::size_t block_length(std::span<const ResidualView> views) {
   std::size_t total = 0, longest = 1;
   for (const ResidualView& view : views) {
     total += view.residual.size();
-    longest = std::max(longest, correlation_length(view.residual.first(std::min<std::size_t>(view.residual.size(), 4096))));
+    longest =
+        std::max(longest, correlation_length(view.residual.first(std::min<std::size_t>(view.residual.size(), 4096))));
   }
   const std::size_t most = std::max<std::size_t>(total / kFewestBlocks, 8);
   return std::min(std::max(10 * longest, kShortestBlock), most);
@@ -106,7 +108,7 @@ Samples gather(std::span<const ResidualView> views) {
 
 /// A clustered t: scores and weights summed by block.
 struct Clustered {
-  double effect = 0;    ///< coefficient of the regressor
+  double effect = 0;  ///< coefficient of the regressor
   double t = 0;
   double p = 1;
   double explained = 0;  ///< sum of squares, freed of what noise would explain
@@ -155,7 +157,8 @@ struct Bins {
   double low = 0, width = 0;
 
   std::string place(int bin, std::string_view unit) const {
-    return fmt::format("{:.4g} to {:.4g}{}{}", low + bin * width, low + (bin + 1) * width, unit.empty() ? "" : " ", unit);
+    return fmt::format("{:.4g} to {:.4g}{}{}", low + bin * width, low + (bin + 1) * width, unit.empty() ? "" : " ",
+                       unit);
   }
 };
 
@@ -368,7 +371,8 @@ class Search {
       }
     }
     if (tried == 0) return;
-    const std::string where = fmt::format("{:.4g} Hz in {}", strongest.frequency_hz, views_[strongest.recording].recording->name);
+    const std::string where =
+        fmt::format("{:.4g} Hz in {}", strongest.frequency_hz, views_[strongest.recording].recording->name);
     add("has a line", where, strongest.ratio, bonferroni(strongest.p, tried), share(strongest.power));
   }
 
@@ -415,7 +419,8 @@ class Search {
       sum[static_cast<std::size_t>(all_.block[i])] += value * value;
       number[static_cast<std::size_t>(all_.block[i])] += 1;
     }
-    for (std::size_t b = 0; b < sum.size(); ++b) sum[b] = number[b] > 4 && sum[b] > 0 ? std::log(sum[b] / number[b]) : kNaN;
+    for (std::size_t b = 0; b < sum.size(); ++b)
+      sum[b] = number[b] > 4 && sum[b] > 0 ? std::log(sum[b] / number[b]) : kNaN;
     return sum;
   }
 
@@ -518,8 +523,8 @@ class Search {
       }
     }
     add("its noise depends on the input's level",
-        fmt::format("{}: {:.2g} times as large", bins.place(at, views_.front().recording->input.unit), most.effect), most.t,
-        bonferroni(most.p, bins.count), kNaN);
+        fmt::format("{}: {:.2g} times as large", bins.place(at, views_.front().recording->input.unit), most.effect),
+        most.t, bonferroni(most.p, bins.count), kNaN);
   }
 
   std::span<const ResidualView> views_;

@@ -33,12 +33,13 @@ struct FindingOptions {
 /// elsewhere (recording, segment); and whether its local variance depends on the level.
 ///
 /// Each dependence is a regression of the residual on bins or on one regressor, both sides freed of
-/// the level's bins first (of the recording's, for time and channels). Its t is clustered: scores are summed over blocks far longer than the
-/// residual's correlation, the variance of a sum is that of the blocks with one lag of Bartlett's weight (Newey and
-/// West, Econometrica 55 (1987) 703), and the degrees of freedom are those of the blocks that carry the regressor
-/// (Satterthwaite). So a p-value holds under coloured noise, without a model of it that a misfit could spoil; the price
-/// is power, which a misfit worth showing has. Bins are paid for by Bonferroni inside a dependence, the dependences by
-/// Bonferroni among each other. A line's p-value compares it with its neighbours in the periodogram.
+/// the level's bins first (of the recording's, for time and channels). Its t is clustered: scores are summed over
+/// blocks far longer than the residual's correlation, the variance of a sum is that of the blocks with one lag of
+/// Bartlett's weight (Newey and West, Econometrica 55 (1987) 703), and the degrees of freedom are those of the blocks
+/// that carry the regressor (Satterthwaite). So a p-value holds under coloured noise, without a model of it that a
+/// misfit could spoil; the price is power, which a misfit worth showing has. Bins are paid for by Bonferroni inside a
+/// dependence, the dependences by Bonferroni among each other. A line's p-value compares it with its neighbours in the
+/// periodogram.
 ///
 ///   share  the mean square that the dependence explains over the mean square above the noise floors. Dependences
 ///          overlap, so shares need not sum to 1; NaN for the local variance, which is no part of the mean

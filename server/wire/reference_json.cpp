@@ -48,22 +48,22 @@ Json to_json(const LeftoverOnGoodValves& leftover) {
 /// Everything that makes the reference what it is.
 Json content(const Reference& reference) {
   Json document{{"schema", "valvetriage.reference/1"},
-              {"valve_type", reference.valve_type},
-              {"valves", reference.valves},
-              {"members", list_to_json(reference.members, to_json)},
-              {"sample_period_s", reference.sample_period_s},
-              {"model", to_json(reference.model)},
-              {"map_sd", reference.map_sd},
-              {"parameters", list_to_json(reference.parameters, to_json)},
-              {"covariance", reference.covariance},
-              {"prior_degrees_of_freedom", reference.prior_degrees_of_freedom},
-              {"noise_floor", reference.noise_floor},
-              {"input_min_A", reference.input_min},
-              {"input_max_A", reference.input_max},
-              {"bandwidth_hz", reference.bandwidth_hz},
-              {"tests", reference.tests},
-              {"window", {{"rate_hz", reference.window.rate_hz}, {"duration_s", reference.window.duration_s}}},
-              {"levels", list_to_json(reference.levels, to_json)}};
+                {"valve_type", reference.valve_type},
+                {"valves", reference.valves},
+                {"members", list_to_json(reference.members, to_json)},
+                {"sample_period_s", reference.sample_period_s},
+                {"model", to_json(reference.model)},
+                {"map_sd", reference.map_sd},
+                {"parameters", list_to_json(reference.parameters, to_json)},
+                {"covariance", reference.covariance},
+                {"prior_degrees_of_freedom", reference.prior_degrees_of_freedom},
+                {"noise_floor", reference.noise_floor},
+                {"input_min_A", reference.input_min},
+                {"input_max_A", reference.input_max},
+                {"bandwidth_hz", reference.bandwidth_hz},
+                {"tests", reference.tests},
+                {"window", {{"rate_hz", reference.window.rate_hz}, {"duration_s", reference.window.duration_s}}},
+                {"levels", list_to_json(reference.levels, to_json)}};
   if (!reference.causes.empty()) document["causes"] = list_to_json(reference.causes, to_json);
   if (!reference.leftovers.empty()) document["leftovers"] = list_to_json(reference.leftovers, to_json);
   return document;

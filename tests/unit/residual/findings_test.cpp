@@ -72,12 +72,14 @@ const std::vector<Recording>& played() {
                      return kLevels_a[std::min(static_cast<std::size_t>(t / 2), std::size_t{7})];
                    }),
       recording_of("triangle.csv", 2400, [](double t) { return 1 + std::abs(std::fmod(t, 6.0) / 3 - 1); }),
-      recording_of("sweep.csv", 2400, [](double t) { return 1.5 + 0.3 * std::sin(2 * std::numbers::pi * (0.3 + 0.2 * t) * t); })};
+      recording_of("sweep.csv", 2400,
+                   [](double t) { return 1.5 + 0.3 * std::sin(2 * std::numbers::pi * (0.3 + 0.2 * t) * t); })};
   return recordings;
 }
 
 /// The session with an effect on the measured outputs that the simulation does not know of.
-Session session(const std::function<double(const Recording&, std::size_t)>& effect, double colour = 0, unsigned seed = 1) {
+Session session(const std::function<double(const Recording&, std::size_t)>& effect, double colour = 0,
+                unsigned seed = 1) {
   std::mt19937 random(seed);
   Session s{.recordings = played(), .residuals = {}};
   for (Recording& recording : s.recordings) {
@@ -142,9 +144,10 @@ TEST(Findings, ALateOutputIsBehindByItsDelay) {
 }
 
 TEST(Findings, AToneIsALineAtItsFrequencyEvenUnderColouredNoise) {
-  const auto findings = session([](const Recording&, std::size_t i) { return 0.3 * std::sin(2 * std::numbers::pi * 7.25 * time_s(i)); },
-                                0.8)
-                            .findings();
+  const auto findings =
+      session([](const Recording&, std::size_t i) { return 0.3 * std::sin(2 * std::numbers::pi * 7.25 * time_s(i)); },
+              0.8)
+          .findings();
   const Finding* f = find(findings, "has a line");
   ASSERT_NE(f, nullptr);
   EXPECT_NEAR(std::stod(f->where), 7.25, 0.1);
@@ -175,9 +178,9 @@ TEST(Findings, OneSpoiledRecordingIsPointedOut) {
 TEST(Findings, NoiseThatGrowsWithTheLevelIsNoDependenceOfTheMean) {
   std::mt19937 random(7);
   std::normal_distribution<double> normal;
-  const auto findings =
-      session([&](const Recording& r, std::size_t i) { return r.input.values[i] > 1.5 ? 0.5 * normal(random) : 0; })
-          .findings();
+  const auto findings = session([&](const Recording& r, std::size_t i) {
+                          return r.input.values[i] > 1.5 ? 0.5 * normal(random) : 0;
+                        }).findings();
   ASSERT_NE(find(findings, "its noise depends on the input's level"), nullptr);
   EXPECT_EQ(find(findings, "depends on the input's level"), nullptr);
 }

@@ -173,7 +173,8 @@ TEST(ModelC, WhatCannotBeToldIsRefused) {
 
 TEST(ModelC, NothingIsAllocated) {
   const std::string source = to_c(valve(), kPeriod_s).value();
-  for (const char* word : {"malloc", "calloc", "stdlib", "free("}) EXPECT_EQ(source.find(word), std::string::npos) << word;
+  for (const char* word : {"malloc", "calloc", "stdlib", "free("})
+    EXPECT_EQ(source.find(word), std::string::npos) << word;
 }
 
 }  // namespace
