@@ -101,6 +101,7 @@ class Search {
 };
 
 struct Point {
+  double promise = 0;  ///< gain at the best size in proportion
   std::vector<double> parameters;
   LinearisedValve::Signature effect;
   double cost = 0;  ///< relative to no law
@@ -123,7 +124,8 @@ std::optional<Point> best_start(Search& search, const LinearisedValve& fit,
   std::optional<Point> best;
   double best_gain = -1;
   for (const std::vector<double>& start : starts) {
-    Point point{.parameters = search.clamped(start)};
+    Point point;
+    point.parameters = search.clamped(start);
     point.effect = search.effect(point.parameters);
     const double size = fit.product(point.effect, point.effect);
     if (!(size > kLeastEffect)) continue;
@@ -132,6 +134,7 @@ std::optional<Point> best_start(Search& search, const LinearisedValve& fit,
     point.cost = fit.cost_without(point.effect);
     if (gain > best_gain) {
       best_gain = gain;
+      point.promise = gain;
       best = std::move(point);
     }
   }
@@ -172,7 +175,8 @@ bool descend(Search& search, const LinearisedValve& fit, Point& point, double& d
     damped.diagonal() *= 1 + damping;
     damped.diagonal().array() += 1e-12 * std::max(a.diagonal().maxCoeff(), 1e-12);
     const VectorXd move = damped.ldlt().solve(b);
-    Point tried{.parameters = point.parameters};
+    Point tried;
+    tried.parameters = point.parameters;
     for (std::size_t j = 0; j < k; ++j) tried.parameters[varied[j]] += move(static_cast<Index>(j));
     tried.parameters = search.clamped(tried.parameters);
     tried.effect = search.effect(tried.parameters);
@@ -206,11 +210,13 @@ LawFit nothing_found(const LinearisedValve& fit, const LawInFit& law, const Sear
 }  // namespace
 
 std::optional<LawFit> search_law(const LinearisedValve& fit, const ValveFitOptions& options, const LawInFit& law,
-                                 const std::vector<std::vector<double>>& starts, int most_steps) {
+                                 const std::vector<std::vector<double>>& starts, int most_steps, double worthwhile) {
   Search search(fit, options, law);
   std::optional<Point> point = best_start(search, fit, starts);
   if (!point) return std::nullopt;
-  Point proportional{.parameters = search.clamped(scaled(*point, fit, *law.law))};
+  if (point->promise < worthwhile) return nothing_found(fit, law, search);
+  Point proportional;
+  proportional.parameters = search.clamped(scaled(*point, fit, *law.law));
   // An effect that is much too large has to shrink before differences tell anything.
   for (int halving = 0; halving < 4 && proportional.parameters != point->parameters; ++halving) {
     proportional.effect = search.effect(proportional.parameters);

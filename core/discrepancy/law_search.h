@@ -25,9 +25,10 @@ struct LawFit {
 /// always simulated, the valve around it linear. `law.start` is ignored, `starts` holds vectors of the law's parameters
 /// (own ones of every recording behind the shared ones).
 ///
+/// worthwhile  a law whose best start would lower the cost by less is not refined: it is out of the race
 /// options   of the fit behind `fit`; the law is appended behind its laws
 /// returns   empty where no start has any effect on these recordings: the data do not excite it
 std::optional<LawFit> search_law(const LinearisedValve& fit, const ValveFitOptions& options, const LawInFit& law,
-                                 const std::vector<std::vector<double>>& starts, int most_steps);
+                                 const std::vector<std::vector<double>>& starts, int most_steps, double worthwhile);
 
 }  // namespace valvetriage

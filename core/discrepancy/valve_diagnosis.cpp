@@ -24,9 +24,12 @@ using Eigen::VectorXd;
 // A healthy valve is called so 99 times in 100: half of that risk for the laws together, half for the leftover.
 constexpr double kFalseAlarm = 0.005;
 constexpr int kSearchSteps = 5;
+// A law is refined where its best start promises this much of the cost, and this share of the best law so far.
+constexpr double kLeastPromise = 8;
+constexpr double kLeastShare = 0.02;
 // Joint fits of those that the survey leaves in the race: this far behind the best in ln likelihood, this many at most.
 constexpr double kInTheRace = 30;
-constexpr std::size_t kMostJointFits = 4;
+constexpr std::size_t kMostJointFits = 3;
 constexpr int kJointSteps = 12;
 // A residual this many times slower than white noise has bent the baseline.
 constexpr double kBent = 6;
@@ -34,6 +37,9 @@ constexpr double kBent = 6;
 constexpr double kShareOfASecond = 0.3;
 constexpr std::size_t kMostCauses = 3;
 constexpr double kSettled = 0.95;
+// A rival that removes this share of what the winner removes is still one (a margin of 1.2, lesson of other machines).
+constexpr double kMargin = 1 / 1.2;
+constexpr double kRivalShare = 0.25;
 // An alternative below this probability is not worth a reader's time.
 constexpr double kWorthNaming = 0.03;
 
@@ -88,7 +94,10 @@ Survey survey_laws(const LinearisedValve& fit, const ValveFitOptions& options, c
   for (const LawVariant& variant : catalogue.variants) {
     const std::string cause(variant.law.law->cause);
     if (without.contains(cause)) continue;
-    auto found = search_law(fit, options, variant.law, variant.starts, kSearchSteps);
+    double best = 0;
+    for (const Tested& tested : survey.tested) best = std::max(best, tested.fit.reduction);
+    const double worthwhile = std::max(kLeastPromise, kLeastShare * best);
+    auto found = search_law(fit, options, variant.law, variant.starts, kSearchSteps, worthwhile);
     if (!found) continue;
     Tested tested{.noise_reduction =
                       noise_reduction(variant, found->freedoms, fit.problem().recordings(), fit.samples())};
@@ -184,6 +193,7 @@ double log_likelihood(double cost, Index freedoms, double inflation, double samp
 struct Ranked {
   std::string cause;
   double log_likelihood = 0;
+  double reduction = 0;  ///< of the cost
   double probability = 0;
 };
 
@@ -192,6 +202,21 @@ void normalise(std::vector<Ranked>& ranked) {
   for (const Ranked& r : ranked) best = std::max(best, r.log_likelihood);
   double sum = 0;
   for (Ranked& r : ranked) sum += r.probability = std::exp(r.log_likelihood - best);
+  for (Ranked& r : ranked) r.probability /= sum;
+  std::stable_sort(ranked.begin(), ranked.end(),
+                   [](const Ranked& a, const Ranked& b) { return a.probability > b.probability; });
+}
+
+/// A fitted law is never the whole physics: where a rival removes nearly as much of the cost, or ranks above,
+/// likelihood alone does not settle the name. Such rivals keep a share of the probability.
+void keep_margins(const std::string& winner, std::vector<Ranked>& ranked) {
+  const auto won = std::find_if(ranked.begin(), ranked.end(), [&](const Ranked& r) { return r.cause == winner; });
+  const double enough = kMargin * won->reduction;
+  double sum = 0;
+  for (Ranked& r : ranked) {
+    if (r.cause != winner && r.reduction >= enough) r.probability = std::max(r.probability, kRivalShare);
+    sum += r.probability;
+  }
   for (Ranked& r : ranked) r.probability /= sum;
   std::stable_sort(ranked.begin(), ranked.end(),
                    [](const Ranked& a, const Ranked& b) { return a.probability > b.probability; });
@@ -258,7 +283,7 @@ class Diagnosis {
     double lowest = beside.cost;
     double inflation = 1;
     for (const Tested* tested : racing) {
-      fitted.push_back(extend(recordings_, beside, tested->fit, kJointSteps));
+      fitted.push_back(extend(recordings_, beside, tested->fit, kJointSteps, lowest - kInTheRace * inflation));
       if (fitted.back().cost >= lowest) continue;
       lowest = fitted.back().cost;
       inflation = noise_inflation(whitened_residual(fitted.back()));
@@ -272,7 +297,7 @@ class Diagnosis {
     double best_rank = 0;
     for (std::size_t i = 0; i < fitted.size(); ++i) {
       const double reduction = beside.cost - fitted[i].cost;
-      contest.ranked.push_back({racing[i]->cause(), rank(*racing[i], reduction)});
+      contest.ranked.push_back({racing[i]->cause(), rank(*racing[i], reduction), reduction});
       const double p =
           std::min(1.0, laws * p_value_of(*racing[i], reduction / inflation, size_in(fitted[i]), options_));
       if (p > kFalseAlarm || (best && contest.ranked.back().log_likelihood <= best_rank)) continue;
@@ -284,9 +309,10 @@ class Diagnosis {
     for (const Tested& tested : contest.survey.tested) {
       const bool refitted = std::any_of(contest.ranked.begin(), contest.ranked.end(),
                                         [&](const Ranked& r) { return r.cause == tested.cause(); });
-      if (!refitted) contest.ranked.push_back({tested.cause(), rank(tested, tested.fit.verified)});
+      if (!refitted) contest.ranked.push_back({tested.cause(), rank(tested, tested.fit.verified), tested.fit.verified});
     }
     normalise(contest.ranked);
+    keep_margins(racing[*best]->cause(), contest.ranked);
     contest.cause = racing[*best]->cause();
     contest.best = std::move(fitted[*best]);
     return contest;

@@ -11,6 +11,10 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
+constexpr int kIterationsAtATime = 4;
+// A quarter of a noise variance in 24,000 samples: far below what any decision turns on.
+constexpr double kSmallestGain = 1e-5;
+
 std::unique_ptr<ValveFitProblem> problem_of(std::span<const Recording> recordings, const ValveFitOptions& options) {
   return std::make_unique<ValveFitProblem>(recordings, options);
 }
@@ -70,7 +74,8 @@ Explanation explain_nothing(std::span<const Recording> recordings, const ValveFi
   return nothing;
 }
 
-Explanation extend(std::span<const Recording>, const Explanation& explanation, const LawFit& law, int most_iterations) {
+Explanation extend(std::span<const Recording>, const Explanation& explanation, const LawFit& law, int most_iterations,
+                   double hopeless) {
   Explanation extended;
   extended.options = std::make_unique<ValveFitOptions>(*explanation.options);
   extended.options->laws.push_back(law.law);
@@ -82,9 +87,17 @@ Explanation extend(std::span<const Recording>, const Explanation& explanation, c
   const VectorXd stayed = explanation.problem->continued_in(*extended.problem, explanation.v, law.parameters);
   const double moved_cost = extended.problem->cost(moved);
   const bool use_moved = moved_cost < extended.problem->cost(stayed);
-  Descent descent = descend(*extended.problem, use_moved ? moved : stayed, most_iterations);
-  extended.v = std::move(descent.v);
-  extended.cost = descent.cost;
+  extended.v = use_moved ? moved : stayed;
+  extended.cost = std::numeric_limits<double>::infinity();
+  for (int done = 0; done < most_iterations; done += kIterationsAtATime) {
+    Descent descent = descend(*extended.problem, extended.v, kIterationsAtATime, kSmallestGain);
+    const double gained = extended.cost - descent.cost;
+    extended.v = std::move(descent.v);
+    extended.cost = descent.cost;
+    const double left = static_cast<double>(most_iterations - done) / kIterationsAtATime;
+    if (descent.termination != FitTermination::kIterationLimit) break;
+    if (std::isfinite(gained) && extended.cost - left * gained > hopeless) break;
+  }
   return extended;
 }
 
@@ -120,7 +133,7 @@ Explanation without(std::span<const Recording>, const Explanation& explanation, 
       own_from += own;
     }
   }
-  Descent descent = descend(*less.problem, less.problem->clamped(v), most_iterations);
+  Descent descent = descend(*less.problem, less.problem->clamped(v), most_iterations, kSmallestGain);
   less.v = std::move(descent.v);
   less.cost = descent.cost;
   return less;

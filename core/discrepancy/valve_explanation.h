@@ -26,9 +26,10 @@ struct Explanation {
 
 /// The valve alone. recordings and everything in them must outlive the explanation.
 Explanation explain_nothing(std::span<const Recording> recordings, const ValveFitOptions& options, const ValveFit& fit);
-/// One more law, everything fitted together from where its search ended.
+/// One more law, everything fitted together from where its search ended. A fit that at its pace would not come down to
+/// `hopeless` is ended early.
 Explanation extend(std::span<const Recording> recordings, const Explanation& explanation, const LawFit& law,
-                   int most_iterations);
+                   int most_iterations, double hopeless);
 /// One law less, the rest fitted again.
 Explanation without(std::span<const Recording> recordings, const Explanation& explanation, std::size_t law,
                     int most_iterations);

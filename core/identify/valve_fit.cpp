@@ -75,8 +75,7 @@ void make_monotone(VectorXd& v, const MatrixXd& covariance, Index parameters, In
 
 }  // namespace
 
-Descent descend(const ValveFitProblem& problem, VectorXd v, int most_iterations) {
-  constexpr double kSmallestGain = 1e-7;  // relative decrease of the cost that moves no parameter noticeably
+Descent descend(const ValveFitProblem& problem, VectorXd v, int most_iterations, double smallest_gain) {
   constexpr int kMostAttempts = 8;
   Descent descent{.v = std::move(v)};
   descent.cost = problem.cost(descent.v);
@@ -101,7 +100,7 @@ Descent descend(const ValveFitProblem& problem, VectorXd v, int most_iterations)
       descent.termination = FitTermination::kNoDescent;
       return descent;
     }
-    if (before - descent.cost < kSmallestGain * before) {
+    if (before - descent.cost < smallest_gain * before) {
       descent.termination = FitTermination::kConverged;
       return descent;
     }

@@ -142,7 +142,8 @@ struct Descent {
   FitTermination termination = FitTermination::kIterationLimit;
 };
 
-/// Levenberg-Marquardt with Marquardt's scaling, from v down.
-Descent descend(const ValveFitProblem& problem, Eigen::VectorXd v, int most_iterations);
+/// Levenberg-Marquardt with Marquardt's scaling, from v down, until a step lowers the cost by less than `smallest_gain`
+/// of it; the default moves no parameter noticeably.
+Descent descend(const ValveFitProblem& problem, Eigen::VectorXd v, int most_iterations, double smallest_gain = 1e-7);
 
 }  // namespace valvetriage
