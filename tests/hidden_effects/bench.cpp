@@ -7,11 +7,10 @@
 
 namespace valvetriage::hidden_effects {
 
-TwinBench::TwinBench(const stand::SessionOptions& options)
-    : options_(options),
-      unit_(stand::draw_unit(options.unit_seed)),
-      commands_(stand::commands_of_session(options)),
-      begin_(1, 0) {
+TwinBench::TwinBench(const stand::SessionOptions& options) : TwinBench(options, stand::draw_unit(options.unit_seed)) {}
+
+TwinBench::TwinBench(const stand::SessionOptions& options, const stand::Unit& unit)
+    : options_(options), unit_(unit), commands_(stand::commands_of_session(options)), begin_(1, 0) {
   for (const stand::Command& command : commands_) {
     environments_.emplace_back(options.noise_seed, command.name);
     begin_.push_back(begin_.back() + static_cast<Eigen::Index>(command.value_a.size()));

@@ -15,6 +15,7 @@ namespace valvetriage::hidden_effects {
 class TwinBench {
  public:
   explicit TwinBench(const stand::SessionOptions& options);
+  TwinBench(const stand::SessionOptions& options, const stand::Unit& unit);
 
   const stand::Unit& unit() const { return unit_; }
   Eigen::Index samples() const { return begin_.back(); }

@@ -58,9 +58,10 @@ VectorXd before_the_first_move(const stand::Command& command) {
 
 }  // namespace
 
-/// A valve on a day: its sensitivities and the orthogonal basis of what the baseline absorbs.
-struct DistanceMeter::Day {
-  explicit Day(const stand::SessionOptions& options);
+/// What a baseline can absorb, around the nominal unit: its sensitivities and their orthogonal basis. A fit moves along
+/// them but is measured by simulation, so that they need not be the unit's own.
+struct DistanceMeter::Absorption {
+  explicit Absorption(const TwinBench& bench);
 
   Index parameters() const { return static_cast<Index>(stand::unit_spread().size()); }
   /// [(y − f)/σ; −θ] and [column/σ; 0]
@@ -69,39 +70,35 @@ struct DistanceMeter::Day {
     rho << error_psi / kNoisePsi, -theta;
     return rho;
   }
-  VectorXd stacked(const VectorXd& column_psi) const { return stacked(column_psi, VectorXd::Zero(absorbed.cols())); }
+  VectorXd stacked(const VectorXd& column_psi) const { return stacked(column_psi, VectorXd::Zero(columns.cols())); }
   VectorXd off_baseline(const VectorXd& rho) const { return rho - basis * (basis.transpose() * rho); }
 
-  std::uint64_t unit_seed, noise_seed;
-  TwinBench bench;
-  VectorXd output;    ///< of the healthy twin [psi]
-  MatrixXd absorbed;  ///< [psi] per population standard deviation, then the pasts
-  MatrixXd basis;     ///< of [absorbed/σ; I]
-  MatrixXd triangle;  ///< [absorbed/σ; I] = basis · triangle
+  MatrixXd columns;   ///< [psi] per population standard deviation, then the pasts and the first holds
+  MatrixXd basis;     ///< of [columns/σ; I]
+  MatrixXd triangle;  ///< [columns/σ; I] = basis · triangle
 };
 
-DistanceMeter::Day::Day(const stand::SessionOptions& options)
-    : unit_seed(options.unit_seed),
-      noise_seed(options.noise_seed),
-      bench(options),
-      output(bench.output(bench.unit(), healthy(bench))) {
+DistanceMeter::Absorption::Absorption(const TwinBench& bench) {
   const auto recordings = static_cast<Index>(bench.recordings());
-  absorbed = MatrixXd::Zero(bench.samples(), parameters() + (kPasts + 1) * recordings);
+  const VectorXd output = bench.output(bench.unit(), healthy(bench));
+  columns = MatrixXd::Zero(bench.samples(), parameters() + (kPasts + 1) * recordings);
   for (Index j = 0; j < parameters(); ++j) {
     const VectorXd step = kSensitivityStep * VectorXd::Unit(parameters(), j);
-    absorbed.col(j) = (bench.output(moved(bench.unit(), step), healthy(bench)) - output) / kSensitivityStep;
+    columns.col(j) = (bench.output(moved(bench.unit(), step), healthy(bench)) - output) / kSensitivityStep;
   }
+  const auto part = [&](Index kind, std::size_t i) {
+    const Index column = parameters() + kind * recordings + static_cast<Index>(i);
+    return columns.col(column).segment(bench.begin(i), bench.size(i));
+  };
   for (int past = 0; past < kPasts; ++past) {
     const VectorXd difference = (bench.output_after(past) - output) / std::sqrt(static_cast<double>(kPasts));
     for (std::size_t i = 0; i < bench.recordings(); ++i)
-      absorbed.col(parameters() + past * recordings + static_cast<Index>(i)).segment(bench.begin(i), bench.size(i)) =
-          difference.segment(bench.begin(i), bench.size(i));
+      part(past, i) = difference.segment(bench.begin(i), bench.size(i));
   }
   for (std::size_t i = 0; i < bench.recordings(); ++i)
-    absorbed.col(parameters() + kPasts * recordings + static_cast<Index>(i)).segment(bench.begin(i), bench.size(i)) =
-        kHoldPsi * before_the_first_move(bench.commands()[i]);
-  MatrixXd stack(absorbed.rows() + absorbed.cols(), absorbed.cols());
-  stack << absorbed / kNoisePsi, MatrixXd::Identity(absorbed.cols(), absorbed.cols());
+    part(kPasts, i) = kHoldPsi * before_the_first_move(bench.commands()[i]);
+  MatrixXd stack(columns.rows() + columns.cols(), columns.cols());
+  stack << columns / kNoisePsi, MatrixXd::Identity(columns.cols(), columns.cols());
   const Eigen::HouseholderQR<MatrixXd> qr(stack);
   basis = qr.householderQ() * MatrixXd::Identity(stack.rows(), stack.cols());
   triangle = qr.matrixQR().topRows(stack.cols()).triangularView<Eigen::Upper>();
@@ -123,15 +120,15 @@ struct Fit {
   double squared() const { return rho.squaredNorm(); }
 };
 
-template <class Day>
+template <class Absorption>
 class Fitter {
  public:
-  Fitter(const Day& day, const VectorXd& observed, FreeNumbers free)
-      : day_(day), observed_(observed), free_(std::move(free)) {}
+  Fitter(const TwinBench& bench, const Absorption& baseline, const VectorXd& observed, FreeNumbers free)
+      : bench_(bench), baseline_(baseline), observed_(observed), free_(std::move(free)) {}
 
   Fit at(const VectorXd& numbers, const VectorXd& theta) const {
     const VectorXd error = observed_ - simulated(numbers, theta);
-    return {numbers, theta, day_.stacked(error, theta)};
+    return {numbers, theta, baseline_.stacked(error, theta)};
   }
 
   /// Gauss-Newton from `numbers`; every accepted step lowers the error.
@@ -156,15 +153,14 @@ class Fitter {
   }
 
   VectorXd simulated(const VectorXd& numbers, const VectorXd& theta) const {
-    const TwinBench& bench = day_.bench;
-    std::vector<Faults> faults = healthy(bench);
+    std::vector<Faults> faults = healthy(bench_);
     if (free_.partner)
-      faults = bench.faults({{free_.partner->effect, free_.partner->size * std::exp(numbers[numbers.size() - 1])}});
-    const Unit unit = moved(bench.unit(), theta.head(day_.parameters()));
+      faults = bench_.faults({{free_.partner->effect, free_.partner->size * std::exp(numbers[numbers.size() - 1])}});
+    const Unit unit = moved(bench_.unit(), theta.head(baseline_.parameters()));
     if (free_.rival)
       for (Faults& one : faults) free_.rival->apply(values(numbers), unit, one);
-    const Index pasts = theta.size() - day_.parameters();
-    return bench.output(unit, faults) + day_.absorbed.rightCols(pasts) * theta.tail(pasts);
+    const Index pasts = theta.size() - baseline_.parameters();
+    return bench_.output(unit, faults) + baseline_.columns.rightCols(pasts) * theta.tail(pasts);
   }
 
   double step_of(Index number) const {
@@ -183,26 +179,27 @@ class Fitter {
     VectorXd step = VectorXd::Zero(n);
     if (n > 0) {
       MatrixXd reduced(columns.rows(), n);
-      for (Index i = 0; i < n; ++i) reduced.col(i) = day_.off_baseline(columns.col(i));
-      const VectorXd left = day_.off_baseline(from.rho);
+      for (Index i = 0; i < n; ++i) reduced.col(i) = baseline_.off_baseline(columns.col(i));
+      const VectorXd left = baseline_.off_baseline(from.rho);
       MatrixXd normal = reduced.transpose() * reduced;
       normal.diagonal().array() += 1e-9 + 1e-6 * normal.diagonal().array();
       step = normal.ldlt().solve(reduced.transpose() * left);
       for (Index i = 0; i < n; ++i) step[i] = std::clamp(step[i], -12 * step_of(i), 12 * step_of(i));
     }
-    if (day_.off_baseline(from.rho - columns * step).squaredNorm() > (1 - kWorthwhile) * from.squared())
+    if (baseline_.off_baseline(from.rho - columns * step).squaredNorm() > (1 - kWorthwhile) * from.squared())
       return std::nullopt;
     for (double share = 1; share > 0.2; share *= 0.5) {
       const VectorXd rest = from.rho - share * (columns * step);
       const VectorXd absorbed =
-          share * day_.triangle.template triangularView<Eigen::Upper>().solve(day_.basis.transpose() * rest);
+          share * baseline_.triangle.template triangularView<Eigen::Upper>().solve(baseline_.basis.transpose() * rest);
       Fit next = at(from.numbers + share * step, from.theta + absorbed);
       if (next.squared() < from.squared()) return next;
     }
     return std::nullopt;
   }
 
-  const Day& day_;
+  const TwinBench& bench_;
+  const Absorption& baseline_;
   const VectorXd& observed_;
   FreeNumbers free_;
 };
@@ -214,11 +211,11 @@ struct Start {
   double left;
 };
 
-template <class Day>
-std::vector<Start> screened(const Day& day, const ScreeningGrid& grid, const VectorXd& rho) {
-  const Index samples = day.bench.samples();
-  const VectorXd left = day.off_baseline(rho);
-  const Eigen::MatrixXf top = (day.basis.topRows(samples) / kNoisePsi).template cast<float>();
+template <class Absorption>
+std::vector<Start> screened(const Absorption& baseline, const ScreeningGrid& grid, const VectorXd& rho) {
+  const Index samples = baseline.columns.rows();
+  const VectorXd left = baseline.off_baseline(rho);
+  const Eigen::MatrixXf top = (baseline.basis.topRows(samples) / kNoisePsi).template cast<float>();
   const Eigen::MatrixXf inside = top.transpose() * grid.signature;
   const Eigen::VectorXf along = grid.signature.transpose() * (left.head(samples) / kNoisePsi).template cast<float>();
   std::vector<Start> best(simulated_rivals().size(), {0, {}, std::numeric_limits<double>::infinity()});
@@ -252,14 +249,17 @@ double root(double squared) {
 }
 
 /// The distances of one hidden effect, the other member of a pair being present with its size free.
-template <class Day>
-Distances told_from_rivals(const Day& day, const std::function<const ScreeningGrid&()>& grid, const VectorXd& observed,
+template <class Absorption>
+Distances told_from_rivals(const TwinBench& bench, const Absorption& baseline,
+                           const std::function<const ScreeningGrid&()>& grid, const VectorXd& observed,
                            const std::string& hidden, const std::optional<EffectRequest>& partner,
                            const Wanted& wanted) {
-  const Fit base = Fitter<Day>(day, observed, {nullptr, partner})
-                       .refined(VectorXd::Zero(partner ? 1 : 0), VectorXd::Zero(day.absorbed.cols()));
+  using Fitting = Fitter<Absorption>;
+  const Fit base = Fitting(bench, baseline, observed, {nullptr, partner})
+                       .refined(VectorXd::Zero(partner ? 1 : 0), VectorXd::Zero(baseline.columns.cols()));
   Distances found{root(base.squared()), root(base.squared()), "none", 1};
   if (found.d < wanted.smallest_d) return found;
+  const auto known = [&](const std::string& cause) { return cause == hidden || (partner && partner->effect == cause); };
   const auto consider = [&](const std::string& cause, double left) {
     if (left < kExcludedAt) ++found.oracle_set;
     if (left < found.d_name) {
@@ -267,33 +267,41 @@ Distances told_from_rivals(const Day& day, const std::function<const ScreeningGr
       found.rival = cause;
     }
   };
-  for (const OutputFit& fit : output_rivals(day.bench, day.output, day.off_baseline(base.rho),
-                                            [&](const VectorXd& c) { return day.off_baseline(day.stacked(c)); }))
-    if (fit.cause != hidden && !(partner && partner->effect == fit.cause)) consider(fit.cause, root(fit.left));
+  const auto whitened = [&](const VectorXd& column) { return baseline.off_baseline(baseline.stacked(column)); };
+  const VectorXd healthy_psi = bench.output(bench.unit(), healthy(bench));
+  for (const OutputFit& fit : output_rivals(bench, healthy_psi, baseline.off_baseline(base.rho), whitened))
+    if (!known(fit.cause)) consider(fit.cause, root(fit.left));
   std::size_t refined = 0;
-  for (const Start& start : screened(day, grid(), base.rho)) {
+  for (const Start& start : screened(baseline, grid(), base.rho)) {
     const Rival& rival = simulated_rivals()[start.rival];
-    if (rival.cause == hidden || (partner && partner->effect == rival.cause)) continue;
+    if (known(rival.cause)) continue;
     if (++refined > kRefined) break;
     if (found.d_name < wanted.smallest_d_name) break;
     if (refined == 4 && found.d_name > 3 * wanted.largest_d_name) break;
     if (root(start.left) > kHopeless * (found.d_name + 1)) break;
-    const Fit fit =
-        Fitter<Day>(day, observed, {&rival, partner}).refined(coordinates(start, partner.has_value()), base.theta);
-    consider(rival.cause, root(fit.squared()));
+    const Fitting fitting(bench, baseline, observed, {&rival, partner});
+    consider(rival.cause, root(fitting.refined(coordinates(start, partner.has_value()), base.theta).squared()));
   }
   return found;
 }
 
 }  // namespace
 
-ScreeningGrid screening_grid(const std::vector<std::string>& tests) {
+namespace {
+
+/// A past day of the nominal unit: what is made there serves every valve.
+TwinBench nominal_bench(const std::vector<std::string>& tests) {
   stand::SessionOptions options;
   options.tests = tests;
   options.noise_seed = 20261121;
-  const TwinBench bench(options);
-  const Unit nominal;
-  const VectorXd output = bench.output(nominal, healthy(bench));
+  return TwinBench(options, Unit());
+}
+
+}  // namespace
+
+ScreeningGrid screening_grid(const std::vector<std::string>& tests) {
+  const TwinBench bench = nominal_bench(tests);
+  const VectorXd output = bench.output(bench.unit(), healthy(bench));
   ScreeningGrid grid;
   for (std::size_t r = 0; r < simulated_rivals().size(); ++r) {
     const Rival& rival = simulated_rivals()[r];
@@ -306,34 +314,35 @@ ScreeningGrid screening_grid(const std::vector<std::string>& tests) {
   grid.signature.resize(bench.samples(), static_cast<Index>(grid.entries.size()));
   for (std::size_t e = 0; e < grid.entries.size(); ++e) {
     std::vector<Faults> faults = healthy(bench);
-    for (Faults& one : faults) simulated_rivals()[grid.entries[e].rival].apply(grid.entries[e].values, nominal, one);
-    grid.signature.col(static_cast<Index>(e)) = (bench.output(nominal, faults) - output).cast<float>();
+    for (Faults& one : faults)
+      simulated_rivals()[grid.entries[e].rival].apply(grid.entries[e].values, bench.unit(), one);
+    grid.signature.col(static_cast<Index>(e)) = (bench.output(bench.unit(), faults) - output).cast<float>();
   }
   return grid;
 }
 
-DistanceMeter::DistanceMeter(const std::vector<std::string>& tests) : tests_(tests) {}
+DistanceMeter::DistanceMeter(const std::vector<std::string>& tests)
+    : tests_(tests), baseline_(std::make_shared<const Absorption>(nominal_bench(tests))) {}
 
 Distances DistanceMeter::measure(const stand::SessionOptions& options, const Wanted& wanted) {
-  if (!day_ || day_->unit_seed != options.unit_seed || day_->noise_seed != options.noise_seed)
-    day_ = std::make_shared<const Day>(options);
-  const VectorXd observed = day_->bench.output(day_->bench.unit(), day_->bench.faults(options.effects));
+  const TwinBench bench(options);
   const auto grid = [this]() -> const ScreeningGrid& {
     if (!grid_) grid_ = std::make_shared<const ScreeningGrid>(screening_grid(tests_));
     return *grid_;
   };
+  const VectorXd observed = bench.output(bench.unit(), bench.faults(options.effects));
   if (options.effects.size() == 1)
-    return told_from_rivals(*day_, grid, observed, options.effects[0].effect, std::nullopt, wanted);
-  const Fit together =
-      Fitter<Day>(*day_, observed, {}).refined(VectorXd::Zero(0), VectorXd::Zero(day_->absorbed.cols()));
+    return told_from_rivals(bench, *baseline_, grid, observed, options.effects[0].effect, std::nullopt, wanted);
   Distances worst;
   worst.d_name = std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < 2; ++i) {
     const Distances one =
-        told_from_rivals(*day_, grid, observed, options.effects[i].effect, options.effects[1 - i], wanted);
+        told_from_rivals(bench, *baseline_, grid, observed, options.effects[i].effect, options.effects[1 - i], wanted);
     if (one.d_name < worst.d_name) worst = one;
-    if (worst.d_name < wanted.smallest_d_name) break;
+    if (worst.d_name < wanted.smallest_d_name) return worst;
   }
+  const Fit together = Fitter<Absorption>(bench, *baseline_, observed, {})
+                           .refined(VectorXd::Zero(0), VectorXd::Zero(baseline_->columns.cols()));
   worst.d = root(together.squared());
   return worst;
 }

@@ -47,20 +47,21 @@ ScreeningGrid screening_grid(const std::vector<std::string>& tests);
 /// with friction or play stopped before the record began is nobody's knowledge); σ the white noise. For small effects
 /// that is sᵀ (σ² I + J Jᵀ)⁻¹ s: the signature whitened with noise and spread. For a rival, f gets its law with every
 /// number free, d_name is the least over all rivals. Of a pair, each member is named against the other one present with
-/// its size free; d_name is the smaller of the two. Minimised by Gauss-Newton with the sensitivities of the healthy
-/// twin; errors of a local minimum make d_name too large.
+/// its size free; d_name is the smaller of the two.
+/// Minimised by Gauss-Newton with sensitivities of the nominal unit; errors of a local minimum make d_name too large.
 ///
-/// Cost    30 twin sessions for a new valve or day, then 5 to 60 for a case (0.25 s each for a full session).
+/// Cost    30 twin sessions once, 80 more for the screening grid, then 5 to 50 for a case (0.25 s each for a full
+/// session)
 class DistanceMeter {
  public:
   explicit DistanceMeter(const std::vector<std::string>& tests);
   Distances measure(const stand::SessionOptions& options, const Wanted& wanted);
 
  private:
-  struct Day;
+  struct Absorption;
   std::vector<std::string> tests_;
+  std::shared_ptr<const Absorption> baseline_;
   std::shared_ptr<const ScreeningGrid> grid_;  ///< made when first needed
-  std::shared_ptr<const Day> day_;
 };
 
 }  // namespace valvetriage::hidden_effects
