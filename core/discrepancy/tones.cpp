@@ -127,10 +127,11 @@ std::vector<Tone> strongest_tones(const LinearisedValve& fit, std::size_t most) 
     }
   }
   // A line that the input's log has as well is not independent of the input: ripple or dither that aliases into it.
-  const int half = (static_cast<int>(fit.error().size()) + 1) / 2;
+  // Two recordings with it settle that; a multisine's own lines stand in one.
+  const int enough = std::min(2, static_cast<int>(fit.error().size()));
   const auto of_input = [&](std::size_t k) {
     return *std::max_element(in_input.begin() + static_cast<std::ptrdiff_t>(k) - 1,
-                             in_input.begin() + static_cast<std::ptrdiff_t>(k) + 2) >= half;
+                             in_input.begin() + static_cast<std::ptrdiff_t>(k) + 2) >= enough;
   };
   const double bin_hz = 1.0 / (static_cast<double>(length) * grid_s);
   const auto first =

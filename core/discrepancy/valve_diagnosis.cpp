@@ -27,6 +27,8 @@ constexpr int kSearchSteps = 5;
 // A law is refined where its best start promises this much of the cost, and this share of the best law so far.
 constexpr double kLeastPromise = 8;
 constexpr double kLeastShare = 0.02;
+// Five standard errors: eight good valves that show nothing of a cause do not say how rarely a good valve does.
+constexpr double kLeastEvidence = 25;
 // Joint fits of those that the survey leaves in the race: this far behind the best in ln likelihood, this many at most.
 constexpr double kInTheRace = 30;
 constexpr std::size_t kMostJointFits = 3;
@@ -300,6 +302,8 @@ class Diagnosis {
       contest.ranked.push_back({racing[i]->cause(), rank(*racing[i], reduction), reduction});
       const double p =
           std::min(1.0, laws * p_value_of(*racing[i], reduction / inflation, size_in(fitted[i]), options_));
+      const double searched = racing[i]->noise_reduction - static_cast<double>(racing[i]->fit.freedoms);
+      if (reduction / inflation - std::max(0.0, searched) < kLeastEvidence) continue;
       if (p > kFalseAlarm || (best && contest.ranked.back().log_likelihood <= best_rank)) continue;
       best = i;
       best_rank = contest.ranked.back().log_likelihood;
@@ -312,6 +316,8 @@ class Diagnosis {
       if (!refitted) contest.ranked.push_back({tested.cause(), rank(tested, tested.fit.verified), tested.fit.verified});
     }
     normalise(contest.ranked);
+    // What good valves show as well explains more: the law that stands out from them is noise of a search.
+    if (contest.ranked.front().cause != racing[*best]->cause()) return contest;
     keep_margins(racing[*best]->cause(), contest.ranked);
     contest.cause = racing[*best]->cause();
     contest.best = std::move(fitted[*best]);
@@ -399,7 +405,7 @@ class Diagnosis {
       }
       smallest = std::min(smallest, p);
     }
-    return std::min(1.0, smallest * groups);
+    return groups > 0 ? std::min(1.0, smallest * groups) : 1;
   }
 
   ValveDiagnosis conclude(const Explanation& explanation);

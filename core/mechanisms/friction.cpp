@@ -37,8 +37,8 @@ MechanismBounds bounds(const MechanismScales& scales) {
                          .upper = {0.5 * range, 0.5 * range, fastest},
                          .step = {1e-4 * range, 1e-4 * range, 1e-3 * range},
                          .starts = {}};
-  for (const double breakaway : spread(0.003 * range, 0.12 * range, 4)) {
-    for (const double speed : {0.05 * range, 0.3 * range, 2 * range}) {
+  for (const double breakaway : spread(0.005 * range, 0.08 * range, 3)) {
+    for (const double speed : {0.1 * range, 0.6 * range}) {
       bounds.starts.push_back({breakaway, 0.65 * breakaway, speed});
     }
   }

@@ -8,6 +8,7 @@
 #include "server/commands/recording_options.h"
 #include "server/commands/rule_base.h"
 #include "server/jobs/analyze_session.h"
+#include "server/wire/discrepancy_json.h"
 
 namespace valvetriage {
 namespace {
@@ -65,6 +66,23 @@ void append_recordings(const Analysis& analysis, std::string& page) {
   }
 }
 
+/// What the simulation gets wrong: the conclusion, each cause with its rivals and parameters, the held-out gain.
+void append_discrepancy(const Discrepancy& discrepancy, const std::string& unit, std::string& page) {
+  page += fmt::format("Discrepancy {}\n", to_string(discrepancy.conclusion));
+  for (const NamedCause& cause : discrepancy.causes) {
+    page += fmt::format("  {} (probability {:.2f})", cause.cause, cause.probability);
+    for (const std::string& rival : cause.alternatives) page += fmt::format(", or {}", rival);
+    page += "\n";
+    for (const auto& [name, estimate] : cause.parameters) {
+      const std::string value = estimate.text.empty() ? fmt::format("{:.4g}", estimate.value) : estimate.text;
+      page += fmt::format("    {} {} +- {:.2g} {}\n", name, value, estimate.std_error, estimate.unit);
+    }
+  }
+  if (discrepancy.causes.empty()) return;
+  page += fmt::format("  held out ({}): rmse {:.4g} {} becomes {:.4g} {}\n", discrepancy.gain.heldout,
+                      discrepancy.gain.rmse_baseline, unit, discrepancy.gain.rmse_extended, unit);
+}
+
 /// One page for a person: the verdict and why, the figures, what is odd about the recordings.
 std::string page_of(const Analysis& analysis) {
   const std::string& unit = analysis.baseline.model.output_unit;
@@ -72,6 +90,7 @@ std::string page_of(const Analysis& analysis) {
   page += fmt::format("Baseline    {}: {}\n", to_string(analysis.baseline.kind), analysis.baseline.reason);
   page += fmt::format("Simulation  rmse {:.4g} {}, noise floor {:.4g} {}, fit {:.2f} %\n", analysis.simulation.rmse,
                       unit, analysis.simulation.noise_floor, unit, analysis.simulation.fit_percent);
+  if (analysis.discrepancy) append_discrepancy(*analysis.discrepancy, unit, page);
   append_levels(analysis, unit, page);
   append_recordings(analysis, page);
   return page;

@@ -4,6 +4,7 @@
 
 #include "core/recording/columns.h"
 #include "server/jobs/analyze_session.h"
+#include "server/wire/discrepancy_json.h"
 #include "server/wire/json_fields.h"
 #include "server/wire/reference_json.h"
 #include "server/wire/rule_base_json.h"
@@ -69,6 +70,13 @@ AnalysisSummary summary_of(const Analysis& analysis) {
   summary.verdict = classification.verdict;
   if (classification.reason) summary.reason = to_string(*classification.reason);
   summary.action = classification.action;
+  if (analysis.discrepancy) {
+    summary.conclusion = to_string(analysis.discrepancy->conclusion);
+    if (!analysis.discrepancy->causes.empty()) {
+      summary.top_cause = analysis.discrepancy->causes.front().cause;
+      summary.top_cause_probability = analysis.discrepancy->causes.front().probability;
+    }
+  }
   for (const LevelFigures& level : analysis.simulation.by_level) {
     if (level.error_eq20) summary.errors.push_back({.level_a = level.level_a, .error_eq20 = *level.error_eq20});
   }

@@ -37,9 +37,20 @@ constexpr LawText kLawTexts[] = {
     {"friction", "double held{n};", "m->held{n} = driver;",
      "if (fabs(driver - m->held{n}) > {0}) m->held{n} = driver - copysign(fmin({1}, {0}), driver - m->held{n});\n"
      "  x -= driver - m->held{n};"},
-    {"backlash", "double held{n};", "m->held{n} = driver;",
-     "m->held{n} = fmin(fmax(m->held{n}, driver - 0.5 * ({0})), driver + 0.5 * ({0}));\n"
-     "  x -= driver - m->held{n};"},
+    {"backlash", "double held{n};", "m->held{n} = x + ({1}) * 0.5 * ({0});",
+     "m->held{n} = fmin(fmax(m->held{n}, x - 0.5 * ({0})), x + 0.5 * ({0}));\n"
+     "  x -= x - m->held{n};"},
+    {"hysteresis", "double stop{n}[8], last{n};",
+     "m->last{n} = driver;\n"
+     "  for (int k = 0; k < 8; ++k) m->stop{n}[k] = ({2}) * ({1}) * (k + 1) / 8;",
+     "double sum{n} = 0;\n"
+     "  for (int k = 0; k < 8; ++k) {\n"
+     "    const double bound = ({1}) * (k + 1) / 8;\n"
+     "    m->stop{n}[k] = fmin(fmax(m->stop{n}[k] + (driver - m->last{n}), -bound), bound);\n"
+     "    sum{n} += m->stop{n}[k];\n"
+     "  }\n"
+     "  m->last{n} = driver;\n"
+     "  x -= ({0}) * sum{n} / (({1}) * 9);"},
     {"dead_band", "", "",
      "if (x - {0} > 0.5 * ({1})) x -= 0.5 * ({1});\n"
      "  else if (x - {0} < -0.5 * ({1})) x += 0.5 * ({1});\n"
@@ -145,6 +156,11 @@ Result<void> check(const Model& model) {
   std::size_t channels = 0;
   for (const MechanismUse& use : model.mechanisms) {
     if (use.cause == "side_input") ++channels;
+    if (model.map && use.cause == "friction") {
+      return fail("not_exportable",
+                  "friction inside a spool's motion takes many steps per sample: it cannot be "
+                  "exported, `simulate` runs it");
+    }
     const bool needs_range = use.cause == "static_curve" || use.cause == "self_oscillation";
     if (!model.map && needs_range) {
       return fail("needs_range", fmt::format("{} of a linear model is told in shares of an output range that only a "

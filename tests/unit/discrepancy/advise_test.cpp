@@ -31,7 +31,7 @@ Alternative alternative(const std::string& cause, const std::vector<double>& par
 constexpr AdviceOptions kStand{.noise_rms = 0.35, .input_low = 1.0, .input_high = 2.0};
 
 TEST(Advise, ALoopAndALagAreToldApartByAnotherRate) {
-  const std::vector<Alternative> open{alternative("hysteresis", {0.02}, 0.5, {0.002}),
+  const std::vector<Alternative> open{alternative("hysteresis", {0.02, 0.06, 0}, 0.5, {0.002, 0, 0}),
                                       alternative("extra_lag", {0.05}, 0.5, {0.01})};
   const auto next = advise_next_test(open, kStand);
   ASSERT_TRUE(next.has_value());
@@ -41,7 +41,8 @@ TEST(Advise, ALoopAndALagAreToldApartByAnotherRate) {
 }
 
 TEST(Advise, TheInputIsReadyForTheStand) {
-  const std::vector<Alternative> open{alternative("friction", {0.02, 0.01}, 0.6), alternative("leakage", {0.05}, 0.4)};
+  const std::vector<Alternative> open{alternative("friction", {0.02, 0.01, 0.3}, 0.6),
+                                      alternative("leakage", {0.05}, 0.4)};
   const auto next = advise_next_test(open, kStand);
   ASSERT_TRUE(next.has_value());
   EXPECT_EQ(next->input_csv.substr(0, 17), "time_s,current_A\n");
@@ -68,8 +69,8 @@ TEST(Advise, NoAlternativeNoTest) {
 }
 
 TEST(Advise, MoreNoiseTellsLess) {
-  const std::vector<Alternative> open{alternative("backlash", {0.0025}, 0.5),
-                                      alternative("friction", {0.0025, 0.001}, 0.5)};
+  const std::vector<Alternative> open{alternative("backlash", {0.0025, 0}, 0.5),
+                                      alternative("friction", {0.0025, 0.001, 0.3}, 0.5)};
   AdviceOptions loud = kStand;
   loud.noise_rms = 8;
   const auto quiet = advise_next_test(open, kStand), drowned = advise_next_test(open, loud);
@@ -86,8 +87,8 @@ TEST(Advise, AParameterThatMayStillMoveTellsLessThanAKnownOne) {
 }
 
 TEST(Advise, IsTheSameEveryTime) {
-  const std::vector<Alternative> open{alternative("backlash", {0.01}, 0.5),
-                                      alternative("friction", {0.01, 0.006}, 0.5)};
+  const std::vector<Alternative> open{alternative("backlash", {0.01, 0}, 0.5),
+                                      alternative("friction", {0.01, 0.006, 0.3}, 0.5)};
   const auto a = advise_next_test(open, kStand), b = advise_next_test(open, kStand);
   ASSERT_TRUE(a && b);
   EXPECT_EQ(a->why, b->why);

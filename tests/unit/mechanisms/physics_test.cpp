@@ -48,15 +48,17 @@ TEST(Physics, NeutralLawsLeaveTheBlocksAsTheyAre) {
   }
 }
 
-TEST(Physics, AWiderLoopAndALaterValveAddUp) {
+TEST(Physics, ALaterValveAndAStickingSpoolAddUp) {
   MagneticLoop loop{.width_a = 0.004};
   ValveDynamics spool{.delay_s = 0.004};
   OrificeVolume volume = kHealthy;
-  SpoolFriction friction;
-  find_mechanism("hysteresis")->reshape(std::vector<double>{0.01}, {loop, spool, volume, friction});
+  SpoolFriction friction{.breakaway_a = 0.001, .kinetic_a = 0.001, .stribeck_a_per_s = 1};
+  find_mechanism("friction")->reshape(std::vector<double>{0.01, 0.02, 0.5}, {loop, spool, volume, friction});
   find_mechanism("transport_delay")->reshape(std::vector<double>{0.02}, {loop, spool, volume, friction});
-  EXPECT_DOUBLE_EQ(loop.width_a, 0.014);
+  EXPECT_DOUBLE_EQ(friction.breakaway_a, 0.011);
+  EXPECT_DOUBLE_EQ(friction.kinetic_a, 0.011);  // at most breakaway
   EXPECT_DOUBLE_EQ(spool.delay_s, 0.024);
+  EXPECT_EQ(loop.width_a, 0.004);
 }
 
 TEST(Physics, ALeakSettlesLowerAndMoreSoAtHighPressure) {

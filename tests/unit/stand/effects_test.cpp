@@ -73,8 +73,8 @@ TEST(Effects, GrowWithTheirSize) {
 TEST(Effects, ShrinkWithTheirSize) {
   for (const EffectInfo& info : effect_table()) {
     if (!shows_on_the_valve(info)) continue;
-    // Two noise rms over one recording is what nobody could miss; the smallest sizes stay below it.
-    EXPECT_LT(signature_psi(session_of({"steps"}, {{info.effect, info.smallest}})), 0.7) << info.effect;
+    // The smallest size is barely seen beside the spread of good units, which is up to 1 % of the pressure: 2 psi.
+    EXPECT_LT(signature_psi(session_of({"steps"}, {{info.effect, info.smallest}})), 2.0) << info.effect;
   }
 }
 

@@ -124,12 +124,12 @@ TEST(ModelC, ALinearMachineIsTheSimulation) {
 }
 
 TEST(ModelC, StickingAndLeakingAreInIt) {
-  expect_same(with(valve(), {{"friction", {0.03, 0.018}, ""}, {"leakage", {0.1}, ""}, {"sensor_drift", {0.02}, ""}}));
+  expect_same(with(valve(), {{"backlash", {0.03, 0.2}, ""}, {"leakage", {0.1}, ""}, {"sensor_drift", {0.02}, ""}}));
 }
 
 TEST(ModelC, EveryCauseOnTheInputAndInsideIsInIt) {
-  expect_same(with(valve(), {{"backlash", {0.02}, ""},
-                             {"hysteresis", {0.01}, ""},
+  expect_same(with(valve(), {{"backlash", {0.02, 0}, ""},
+                             {"hysteresis", {0.01, 0.1, 0.3}, ""},
                              {"transport_delay", {0.017}, ""},
                              {"orifice_flow", {-0.05}, ""},
                              {"asymmetric_response", {1.7}, ""},
@@ -157,8 +157,8 @@ TEST(ModelC, EveryCauseOnTheReadingIsInIt) {
 }
 
 TEST(ModelC, CausesOfALinearMachineAreInIt) {
-  expect_same(with(machine(), {{"backlash", {0.05}, ""},
-                               {"hysteresis", {0.02}, ""},
+  expect_same(with(machine(), {{"backlash", {0.05, 0}, ""},
+                               {"hysteresis", {0.02, 0.2, 0}, ""},
                                {"dead_band", {1.5, 0.1}, ""},
                                {"gain_loss", {0.9}, ""},
                                {"extra_lag", {0.02}, ""}}));
@@ -168,6 +168,7 @@ TEST(ModelC, WhatCannotBeToldIsRefused) {
   EXPECT_EQ(to_c(with(machine(), {{"leakage", {0.1}, ""}}), kPeriod_s).error().code, "needs_volume");
   EXPECT_EQ(to_c(with(machine(), {{"static_curve", {0.1}, ""}}), kPeriod_s).error().code, "needs_range");
   EXPECT_EQ(to_c(with(valve(), {{"cosmic_rays", {}, ""}}), kPeriod_s).error().code, "unknown_cause");
+  EXPECT_EQ(to_c(with(valve(), {{"friction", {0.03, 0.02, 0.3}, ""}}), kPeriod_s).error().code, "not_exportable");
   EXPECT_EQ(to_c(valve(), 0).error().code, "not_positive");
 }
 

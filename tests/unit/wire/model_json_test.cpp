@@ -139,8 +139,8 @@ TEST(ModelJson, TheFirstThingWrongIsNamedByItsPointer) {
 
 Json sticking_model() {
   Json document = linear_model();
-  document["mechanisms"] =
-      Json::array({Json{{"cause", "friction"}, {"parameters", {{"breakaway_A", 0.03}, {"kinetic_A", 0.02}}}}});
+  document["mechanisms"] = Json::array({Json{
+      {"cause", "friction"}, {"parameters", {{"breakaway_A", 0.03}, {"kinetic_A", 0.02}, {"stribeck_A_per_s", 0.3}}}}});
   return document;
 }
 
@@ -148,7 +148,7 @@ TEST(ModelJson, APhysicalCauseIsReadByTheNamesOfItsParameters) {
   const auto model = model_from_json(sticking_model());
   ASSERT_TRUE(model.has_value()) << model.error().message;
   ASSERT_EQ(model->mechanisms.size(), 1u);
-  EXPECT_EQ(model->mechanisms[0].parameters, (std::vector<double>{0.03, 0.02}));
+  EXPECT_EQ(model->mechanisms[0].parameters, (std::vector<double>{0.03, 0.02, 0.3}));
 }
 
 TEST(ModelJson, AModelWithoutCausesIsWrittenAsBefore) {

@@ -1,0 +1,61 @@
+#include "core/discrepancy/evidence.h"
+
+#include <gtest/gtest.h>
+
+#include <random>
+
+namespace valvetriage {
+namespace {
+
+Stack noise(double memory, unsigned seed) {
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> normal;
+  Eigen::VectorXd column(8000);
+  double state = 0;
+  for (Eigen::Index i = 0; i < column.size(); ++i) {
+    state = memory * state + std::sqrt(1 - memory * memory) * normal(random);
+    column(i) = state;
+  }
+  return {column};
+}
+
+TEST(Evidence, WhiteNoiseIsNotInflated) {
+  // Block sums of 125 blocks of 64 samples scatter by √(2/125) = 13 %; three of that.
+  EXPECT_LT(noise_inflation(noise(0, 1)), 1.4);
+  EXPECT_GE(noise_inflation(noise(0, 1)), 1.0);
+}
+
+TEST(Evidence, ColouredNoiseIsInflatedByItsCorrelationTime) {
+  // A first-order process of memory a sums up to (1 + a) / (1 − a) times white noise, less at the ends of 64 samples.
+  const double long_run = (1 + 0.8) / (1 - 0.8);
+  EXPECT_NEAR(noise_inflation(noise(0.8, 2)), long_run, 0.4 * long_run);
+}
+
+TEST(Evidence, NoiseAloneIsNoCause) {
+  // χ² of one degree: a reduction of 3.84 has five per cent.
+  EXPECT_NEAR(good_valve_p_value(3.84, 1, 1, 0, 8), 0.05, 0.001);
+}
+
+TEST(Evidence, WhatGoodValvesShowAsWellNeedsMoreOfIt) {
+  const double strict = good_valve_p_value(60, 1, 1, 0, 8);
+  const double with_spread = good_valve_p_value(60, 1, 1, 20, 8);
+  EXPECT_LT(strict, 1e-10);
+  EXPECT_GT(with_spread, 0.05);
+  // The same mean over many valves is known better.
+  EXPECT_LT(good_valve_p_value(600, 1, 1, 20, 30), good_valve_p_value(600, 1, 1, 20, 3));
+}
+
+TEST(Evidence, ASearchOverManyStartsIsPaidFor) {
+  EXPECT_GT(good_valve_p_value(14, 2, 14, 0, 8), 0.1);
+  EXPECT_LT(good_valve_p_value(14, 2, 2, 0, 8), 0.002);
+}
+
+TEST(Evidence, ASizeIsJudgedAgainstGoodValvesSpread) {
+  // 4.8 psi where good valves lie at 0.5 ± 0.2 and the error is negligible: t of 20 with seven degrees of freedom.
+  EXPECT_LT(size_p_value(4.8, 0.5, 0.2, 1e6, 8), 1e-6);
+  EXPECT_GT(size_p_value(0.8, 0.5, 0.2, 1e6, 8), 0.1);
+  EXPECT_EQ(size_p_value(0.8, 0.5, 0.2, 0, 8), 1.0);
+}
+
+}  // namespace
+}  // namespace valvetriage

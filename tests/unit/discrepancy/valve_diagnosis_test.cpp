@@ -1,0 +1,115 @@
+#include "core/discrepancy/valve_diagnosis.h"
+
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "core/mechanisms/mechanism.h"
+#include "core/mechanisms/simulate_extended.h"
+#include "tests/unit/identify/valves.h"
+
+namespace valvetriage {
+namespace {
+
+constexpr double kNoise_psi = 0.35;
+
+/// A population around the made-up valve: what eight good ones of the stand differ by, and no bias of the simulation.
+struct Population {
+  ValveFitOptions options;
+  std::vector<CauseOnGoodValves> causes;
+
+  explicit Population(const std::vector<Recording>& healthy, const test::MadeValve& valve) {
+    options.knots = *map_knots(healthy);
+    options.reference_psi = 105;
+    const auto count = static_cast<Eigen::Index>(options.knots.size());
+    Eigen::VectorXd mean(7 + count), sd(7 + count);
+    mean.head(7) = to_vector(valve.parameters);
+    sd.head(7) << 0.05, 0.05, 0.0004, 0.0006, 0.05, 0.01, 0.05;
+    for (Eigen::Index k = 0; k < count; ++k) mean(7 + k) = valve.map(options.knots[static_cast<std::size_t>(k)]);
+    sd.tail(count).setConstant(1.0);
+    options.prior = population_prior(mean, sd.array().square().matrix().asDiagonal().toDenseMatrix(), 8);
+    for (const Mechanism* law : all_mechanisms()) {
+      causes.push_back({.cause = std::string(law->cause), .size_mean = std::isfinite(law->neutral) ? law->neutral : 0});
+    }
+  }
+
+  Model model(const test::MadeValve& valve) const {
+    StaticMap map{options.knots, {}};
+    for (const double u : options.knots) map.output.push_back(valve.map(u));
+    return to_model(valve.parameters, map);
+  }
+};
+
+/// The session again with a cause in it: its effect on the model added to what was measured.
+std::vector<Recording> with_cause(std::vector<Recording> recordings, Model model, const MechanismUse& use) {
+  for (Recording& recording : recordings) {
+    const auto before = simulate_extended(model, recording, {});
+    Model spoiled = model;
+    spoiled.mechanisms.push_back(use);
+    const auto after = simulate_extended(spoiled, recording, {});
+    for (std::size_t i = 0; i < recording.samples(); ++i) {
+      recording.output.values[i] += (*after)[i] - (*before)[i];
+    }
+  }
+  return recordings;
+}
+
+ValveDiagnosis diagnosed(const std::vector<Recording>& recordings, const Population& population) {
+  const auto fit = fit_valve(recordings, population.options);
+  return diagnose_valve(recordings, *fit,
+                        {.fit = population.options, .good_valves = 8, .causes = population.causes, .leftovers = {}});
+}
+
+TEST(ValveDiagnosis, AGoodValveHasNoCause) {
+  const test::MadeValve valve;
+  for (const unsigned seed : {3u, 33u, 333u}) {
+    const auto healthy = test::session(valve, kNoise_psi, seed);
+    const Discrepancy found = diagnosed(healthy, Population(healthy, valve)).discrepancy;
+    EXPECT_EQ(found.conclusion, Conclusion::kNone) << seed;
+    EXPECT_TRUE(found.causes.empty());
+    EXPECT_EQ(found.gain.reduction, 0);
+  }
+}
+
+class ValveDiagnosisOf : public testing::TestWithParam<MechanismUse> {};
+
+TEST_P(ValveDiagnosisOf, NamesTheCauseThatWasPutIn) {
+  const test::MadeValve valve;
+  const auto healthy = test::session(valve, kNoise_psi, 7);
+  const Population population(healthy, valve);
+  const auto spoiled = with_cause(healthy, population.model(valve), GetParam());
+  const ValveDiagnosis diagnosis = diagnosed(spoiled, population);
+  ASSERT_EQ(diagnosis.discrepancy.causes.size(), 1u);
+  const NamedCause& named = diagnosis.discrepancy.causes.front();
+  const bool among = named.cause == GetParam().cause ||
+                     std::find(named.alternatives.begin(), named.alternatives.end(), GetParam().cause) !=
+                         named.alternatives.end();
+  EXPECT_TRUE(among) << named.cause;
+  EXPECT_GT(diagnosis.discrepancy.gain.reduction, 0);
+  ASSERT_EQ(diagnosis.extended_model.mechanisms.size(), 1u);
+  EXPECT_EQ(diagnosis.extended_model.mechanisms.front().cause, named.cause);
+}
+
+INSTANTIATE_TEST_SUITE_P(Causes, ValveDiagnosisOf,
+                         testing::Values(MechanismUse{.cause = "hysteresis", .parameters = {0.03, 0.1, 0}},
+                                         MechanismUse{.cause = "sensor_offset", .parameters = {6}},
+                                         MechanismUse{.cause = "gain_loss", .parameters = {0.85}},
+                                         MechanismUse{.cause = "saturation", .parameters = {120, -INFINITY}},
+                                         MechanismUse{.cause = "extra_lag", .parameters = {0.03}}),
+                         [](const auto& tried) { return tried.param.cause; });
+
+TEST(ValveDiagnosis, EqualRecordingsGiveEqualBits) {
+  const test::MadeValve valve;
+  const auto healthy = test::session(valve, kNoise_psi, 5);
+  const Population population(healthy, valve);
+  const auto spoiled = with_cause(healthy, population.model(valve), {.cause = "sensor_offset", .parameters = {5}});
+  const ValveDiagnosis one = diagnosed(spoiled, population), other = diagnosed(spoiled, population);
+  EXPECT_EQ(one.extended, other.extended);
+  ASSERT_EQ(one.discrepancy.candidates.size(), other.discrepancy.candidates.size());
+  for (std::size_t i = 0; i < one.discrepancy.candidates.size(); ++i) {
+    EXPECT_EQ(one.discrepancy.candidates[i].probability, other.discrepancy.candidates[i].probability);
+  }
+}
+
+}  // namespace
+}  // namespace valvetriage
