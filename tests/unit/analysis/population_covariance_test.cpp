@@ -47,7 +47,8 @@ TEST(PopulationCovariance, ANewGoodValveIsAsFarAsItClaims) {
       squares += factor.matrixL().solve(fresh.col(i) - mean).squaredNorm() / static_cast<double>(fresh.rows());
     }
   }
-  // Each of 33 rows contributes one in the mean; a covariance known from eight valves is off by a factor of two at most.
+  // Each of 33 rows contributes one in the mean; a covariance known from eight valves is off by a factor of two at
+  // most.
   EXPECT_GT(squares / seen, 0.4);
   EXPECT_LT(squares / seen, 2.0);
 }

@@ -81,9 +81,8 @@ TEST_P(ValveDiagnosisOf, NamesTheCauseThatWasPutIn) {
   const ValveDiagnosis diagnosis = diagnosed(spoiled, population);
   ASSERT_EQ(diagnosis.discrepancy.causes.size(), 1u);
   const NamedCause& named = diagnosis.discrepancy.causes.front();
-  const bool among = named.cause == GetParam().cause ||
-                     std::find(named.alternatives.begin(), named.alternatives.end(), GetParam().cause) !=
-                         named.alternatives.end();
+  const bool among = named.cause == GetParam().cause || std::find(named.alternatives.begin(), named.alternatives.end(),
+                                                                  GetParam().cause) != named.alternatives.end();
   EXPECT_TRUE(among) << named.cause;
   EXPECT_GT(diagnosis.discrepancy.gain.reduction, 0);
   ASSERT_EQ(diagnosis.extended_model.mechanisms.size(), 1u);
