@@ -11,6 +11,8 @@
 #include "core/discrepancy/valve_diagnosis.h"
 #include "core/identify/baseline.h"
 #include "core/identify/valve_fit.h"
+#include "core/mechanisms/simulate_extended.h"
+#include "core/recording/intersample.h"
 #include "core/residual/fit_figures.h"
 #include "core/residual/noise_floor.h"
 #include "core/residual/step_response.h"
@@ -99,6 +101,16 @@ QualityItem outside_item(const Reference& reference, std::size_t count) {
           count};
 }
 
+// Time constants until what a gap hid is forgotten: e⁻⁵ of it is left, below the noise.
+constexpr double kMemories = 5;
+
+QualityItem lost_input_item(std::size_t count) {
+  return {"gap",
+          "the input is lost in gaps where it steps or turns; the samples until the output has forgotten it are left out "
+          "of the fit and of naming",
+          count};
+}
+
 /// A reference carries the parameters of the model that learned it; another engine's are of no use here.
 Result<void> require_current(const Reference& reference) {
   const auto parameters = reference.parameters.size();
@@ -131,21 +143,24 @@ Result<FreeRuns> run_reference(std::span<const Recording> recordings, Analysis& 
     std::size_t outside = 0;
     kept.push_back(within_reference(recordings[r], reference, outside));
     if (outside > 0) analysis.recordings[r].quality.push_back(outside_item(reference, outside));
+    const std::size_t lost = leave_out_lost_input(kept.back(), kMemories * reference.model.volume->time_constant_s);
+    if (lost > 0) analysis.recordings[r].quality.push_back(lost_input_item(lost));
   }
   ValveFitOptions options;
   options.knots = reference.model.map->input;
   options.reference_psi = reference.model.volume->reference_psi;
   options.prior = prior_of(reference);
+  options.gauge_lag_s = gauge_lag_s(reference.model);
   auto fit = fit_valve(kept, options);
   if (!fit) return tl::unexpected(fit.error());
-  analysis.baseline.model = to_model(fit->parameters, fit->map);
+  analysis.baseline.model = to_model(fit->parameters, fit->map, options.gauge_lag_s);
 
   FreeRuns runs;
   // A reference learned without the engine's survey of its valves has no scale to name a cause by.
   if (!reference.causes.empty()) runs.extended = diagnose(kept, *fit, options, reference, analysis);
   runs.baseline = std::move(fit->simulated);
   for (const Recording& recording : recordings) {
-    auto population = simulate(reference.model, recording, InitialState{});
+    auto population = simulate_extended(reference.model, recording, InitialState{});
     if (!population) return tl::unexpected(population.error());
     runs.population.push_back(std::move(*population));
   }

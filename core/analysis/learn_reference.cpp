@@ -5,7 +5,9 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <boost/math/distributions/students_t.hpp>
+#include <boost/math/tools/minima.hpp>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <map>
 #include <set>
@@ -13,6 +15,7 @@
 #include "core/analysis/population_covariance.h"
 #include "core/discrepancy/valve_diagnosis.h"
 #include "core/identify/valve_fit.h"
+#include "core/mechanisms/simulate_extended.h"
 #include "core/residual/noise_floor.h"
 #include "core/residual/step_response.h"
 
@@ -29,6 +32,13 @@ constexpr double kOutlierSignificance = 1e-3;
 constexpr double kLongestWindow_s = 2.0;
 constexpr double kHighestWindowRate_hz = 200.0;
 constexpr double kLevelTolerance_a = 0.02;
+// The gauge: tried on this many valves, up to this many sampling periods, by so many fits; a valve's worth of evidence
+// above what one more parameter gives by chance once in a million.
+constexpr std::size_t kGaugeValves = 3;
+constexpr double kLongestGaugeLag_samples = 4;
+constexpr int kGaugeBits = 8;
+constexpr std::uintmax_t kGaugeFits = 10;
+constexpr double kGaugeEvidence = 24;
 
 struct Member {
   const ValveRecordings* valve = nullptr;
@@ -130,7 +140,7 @@ Model model_of(const VectorXd& vector, const ValveFitOptions& options) {
   const std::vector<double> values(outputs.data(), outputs.data() + outputs.size());
   const std::vector<double> weights(values.size(), 1.0);
   return to_model(to_parameters(vector.head(kParameters), options.reference_psi),
-                  {options.knots, monotone_regression(values, weights)});
+                  {options.knots, monotone_regression(values, weights)}, options.gauge_lag_s);
 }
 
 Eq20Window default_window(const std::vector<const Member*>& members) {
@@ -183,7 +193,7 @@ Result<std::vector<LevelPopulation>> level_populations(const std::vector<Member>
       const Recording& recording = member->valve->recordings[r];
       const auto steps = rising_steps(recording, r);
       if (steps.empty()) continue;
-      const auto simulated = simulate(others, recording, InitialState{});
+      const auto simulated = simulate_extended(others, recording, InitialState{});
       if (!simulated) return tl::unexpected(simulated.error());
       const double noise = noise_floor(recording).rms;
       for (const StepWindow& step : steps) {
@@ -285,6 +295,76 @@ Result<ValveFitOptions> common_options(std::span<const ValveRecordings> valves) 
   return options;
 }
 
+/// Mean square of what some good valves leave with a gauge of this lag, each fitted with it.
+Result<double> mean_square(std::span<const ValveRecordings> valves, ValveFitOptions& options, double lag_s) {
+  options.gauge_lag_s = lag_s;
+  double sum = 0;
+  for (const ValveRecordings& valve : valves) {
+    const auto fit = fit_member(valve, options);
+    if (!fit) return tl::unexpected(fit.error());
+    if (!options.start) options.start = fit->parameters;
+    sum += fit->rmse * fit->rmse / static_cast<double>(valves.size());
+  }
+  return sum;
+}
+
+/// The lag of the gauge, of one make on all stands: where good valves leave least. 0 where a gauge without lag leaves
+/// as little: a lag no longer than the spool's own is hard to tell from it, and is not worth a parameter per valve.
+Result<double> learn_gauge_lag(std::span<const ValveRecordings> valves, ValveFitOptions options) {
+  const auto some = valves.first(std::min(valves.size(), kGaugeValves));
+  double samples = 0;
+  for (const ValveRecordings& valve : some) {
+    for (const Recording& recording : valve.recordings) samples += static_cast<double>(recording.samples());
+  }
+  const auto none = mean_square(some, options, 0);
+  if (!none) return tl::unexpected(none.error());
+  const double longest = kLongestGaugeLag_samples * some.front().recordings.front().sample_period_s;
+  std::uintmax_t fits = kGaugeFits;
+  const auto [lag, least] = boost::math::tools::brent_find_minima(
+      [&](double tried) { return mean_square(some, options, tried).value_or(*none); }, 0.0, longest, kGaugeBits, fits);
+  // n ln(σ₀²/σ²) is the likelihood ratio of one parameter per valve.
+  return samples * std::log(*none / least) > kGaugeEvidence * static_cast<double>(some.size()) ? lag : 0.0;
+}
+
+Result<Reference> learn_with(std::span<const ValveRecordings> valves, const std::string& valve_type,
+                             ValveFitOptions options) {
+  std::vector<Member> members;
+  for (const ValveRecordings& valve : valves) {
+    auto fit = fit_member(valve, options);
+    if (!fit) return tl::unexpected(fit.error());
+    Member member{.valve = &valve, .fit = std::move(*fit)};
+    member.vector = parameter_vector(member.fit);
+    if (!options.start) options.start = member.fit.parameters;
+    members.push_back(std::move(member));
+  }
+  point_out_outliers(members);
+  const auto used = used_members(members);
+  const VectorXd mean = mean_of(used);
+  const MatrixXd covariance = covariance_of(used, options.knots);
+
+  Reference reference;
+  reference.valve_type = valve_type;
+  reference.valves = static_cast<int>(used.size());
+  for (const Member& member : members) {
+    reference.members.push_back({member.valve->serial, static_cast<int>(member.valve->recordings.size()),
+                                 member.fit.rmse, member.distance, member.used});
+  }
+  reference.model = model_of(mean, options);
+  reference.parameters = describe(mean, covariance);
+  for (Index k = kParameters; k < mean.size(); ++k) reference.map_sd.push_back(std::sqrt(covariance(k, k)));
+  reference.covariance.assign(covariance.data(), covariance.data() + covariance.size());
+  reference.prior_degrees_of_freedom = static_cast<double>(used.size() - 1);
+  describe_recordings(used, reference);
+  reference.window = default_window(used);
+  auto levels = level_populations(members, options, reference.window);
+  if (!levels) return tl::unexpected(levels.error());
+  reference.levels = std::move(*levels);
+  if (const auto surveyed = survey_members(members, options, reference); !surveyed) {
+    return tl::unexpected(surveyed.error());
+  }
+  return reference;
+}
+
 }  // namespace
 
 Result<Reference> learn_reference(std::span<const ValveRecordings> valves, const std::string& valve_type) {
@@ -296,41 +376,10 @@ Result<Reference> learn_reference(std::span<const ValveRecordings> valves, const
   auto options = common_options(valves);
   if (!options) return tl::unexpected(options.error());
 
-  std::vector<Member> members;
-  for (const ValveRecordings& valve : valves) {
-    auto fit = fit_member(valve, *options);
-    if (!fit) return tl::unexpected(fit.error());
-    Member member{.valve = &valve, .fit = std::move(*fit)};
-    member.vector = parameter_vector(member.fit);
-    if (!options->start) options->start = member.fit.parameters;
-    members.push_back(std::move(member));
-  }
-  point_out_outliers(members);
-  const auto used = used_members(members);
-  const VectorXd mean = mean_of(used);
-  const MatrixXd covariance = covariance_of(used, options->knots);
-
-  Reference reference;
-  reference.valve_type = valve_type;
-  reference.valves = static_cast<int>(used.size());
-  for (const Member& member : members) {
-    reference.members.push_back({member.valve->serial, static_cast<int>(member.valve->recordings.size()),
-                                 member.fit.rmse, member.distance, member.used});
-  }
-  reference.model = model_of(mean, *options);
-  reference.parameters = describe(mean, covariance);
-  for (Index k = kParameters; k < mean.size(); ++k) reference.map_sd.push_back(std::sqrt(covariance(k, k)));
-  reference.covariance.assign(covariance.data(), covariance.data() + covariance.size());
-  reference.prior_degrees_of_freedom = static_cast<double>(used.size() - 1);
-  describe_recordings(used, reference);
-  reference.window = default_window(used);
-  auto levels = level_populations(members, *options, reference.window);
-  if (!levels) return tl::unexpected(levels.error());
-  reference.levels = std::move(*levels);
-  if (const auto surveyed = survey_members(members, *options, reference); !surveyed) {
-    return tl::unexpected(surveyed.error());
-  }
-  return reference;
+  const auto lag = learn_gauge_lag(valves, *options);
+  if (!lag) return tl::unexpected(lag.error());
+  options->gauge_lag_s = *lag;
+  return learn_with(valves, valve_type, *options);
 }
 
 }  // namespace valvetriage

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <boost/math/distributions/chi_squared.hpp>
 #include <boost/math/distributions/fisher_f.hpp>
 #include <boost/math/distributions/students_t.hpp>
 #include <cmath>
@@ -13,6 +14,7 @@ namespace {
 using Eigen::Index;
 
 constexpr std::array<Index, 4> kBlocks{1, 4, 16, 64};
+constexpr std::array<Index, 5> kScoreBlocks{1, 4, 16, 64, 256};
 constexpr Index kGroupBlock = 16;
 constexpr int kFewestBlocks = 12;
 
@@ -34,16 +36,64 @@ double noise_inflation(const Stack& residual) {
   return largest;
 }
 
+double consistent_evidence(const Stack& before, const Stack& after, double reduction, double weight) {
+  double energy = 0, closed = 0;
+  for (std::size_t r = 0; r < before.size(); ++r) {
+    energy += (before[r] - after[r]).squaredNorm();
+    closed += before[r].squaredNorm() - after[r].squaredNorm();
+  }
+  double scatter = energy;  // white noise of unit variance
+  for (const Index length : kScoreBlocks) {
+    double squares = 0;
+    for (std::size_t r = 0; r < before.size(); ++r) {
+      for (Index first = 0; first < before[r].size(); first += length) {
+        const Index count = std::min(length, before[r].size() - first);
+        const auto left = after[r].segment(first, count);
+        const double score = (before[r].segment(first, count) - left).dot(left);
+        squares += score * score;
+      }
+    }
+    scatter = std::max(scatter, squares);
+  }
+  const double owed_to_prior = std::max(0.0, reduction - weight * std::max(0.0, closed));
+  return (scatter > 0 ? weight * energy * energy / scatter : 0) + owed_to_prior;
+}
+
+Contrast contrast(const Stack& winner, const Stack& rival) {
+  Contrast contrast;
+  for (std::size_t r = 0; r < winner.size(); ++r) contrast.difference += rival[r].squaredNorm() - winner[r].squaredNorm();
+  contrast.z = std::numeric_limits<double>::infinity();
+  for (const Index length : kScoreBlocks) {
+    double squares = 0;
+    for (std::size_t r = 0; r < winner.size(); ++r) {
+      for (Index first = 0; first < winner[r].size(); first += length) {
+        const Index count = std::min(length, winner[r].size() - first);
+        const double d =
+            rival[r].segment(first, count).squaredNorm() - winner[r].segment(first, count).squaredNorm();
+        squares += d * d;
+      }
+    }
+    if (!(squares > 0)) return {contrast.difference, 0};
+    contrast.z = std::min(contrast.z, std::abs(contrast.difference) / std::sqrt(squares));
+  }
+  contrast.z = std::copysign(contrast.z, contrast.difference);
+  return contrast;
+}
+
 double good_valve_p_value(double reduction, Index freedoms, double noise_reduction, double good_valve_mean,
                           int good_valves) {
   const double k = static_cast<double>(freedoms);
   const double searched = std::max(0.0, noise_reduction - k);
-  const double spread = std::max(0.0, (good_valve_mean - noise_reduction) / k);
-  const double scale = 1 + spread;
-  const double statistic = (reduction - searched) / (k * scale);
-  if (!(statistic > 0)) return 1;
-  const double known = spread > 1e-3 ? good_valves * (scale / spread) * (scale / spread) : 1e6;
-  return boost::math::cdf(boost::math::complement(boost::math::fisher_f(k, std::min(known, 1e6)), statistic));
+  const double beyond_search = reduction - searched;
+  if (!(beyond_search > 0)) return 1;
+  const boost::math::chi_squared noise(k);
+  const double by_noise = boost::math::cdf(boost::math::complement(noise, beyond_search));
+  const double beyond_noise = reduction - std::max(0.0, noise_reduction - 1);
+  if (!(beyond_noise > 0) || good_valves < 1) return by_noise;
+  const double spread = std::max(0.0, good_valve_mean - noise_reduction);
+  const boost::math::fisher_f population(1, good_valves);
+  const double by_spread = boost::math::cdf(boost::math::complement(population, beyond_noise / (1 + spread)));
+  return std::max(by_noise, by_spread);
 }
 
 double size_p_value(double size_from_none, double mean_from_none, double sd, double reduction, int good_valves) {

@@ -16,13 +16,36 @@ namespace valvetriage {
 /// Both a coloured noise and a simulation's own bias make evidence look stronger than it is by this factor.
 double noise_inflation(const Stack& whitened_residual);
 
-/// Probability that a good valve seems to have as much of a cause.
+/// How firmly a signature s = before − after is there, whatever the noise's colour and wherever it is loud:
 ///
-///   s² = 1 + max(0, (mean over good valves − kNoise) / k),  F = (reduction − (kNoise − k)) / (k s²)
+///   T = (Σ_b s_b·s_b)² / Σ_b (s_b·after_b)²
 ///
-/// Noise is known, the spread between valves only from n of them: F's second freedom is n (s² / (s² − 1))²,
-/// Satterthwaite 1946. `kNoise` is what noise alone gives after the search over the law's instants or frequencies, k
-/// the parameters.
+/// over blocks b of 1 to 256 samples, the least of them. For white noise of unit variance T is s·s, the reduction of the
+/// cost; where what is left beside the signature is coarser just where the signature lives (a jittering clock at the
+/// edges, a few lost samples, another law's leftover), T says so. The consistent variance of a score: White,
+/// Econometrica 48 (1980) 817; Newey and West, Econometrica 55 (1987) 703, here with blocks for lags.
+///
+/// reduction  of the whole cost, of the samples that the rows stand for
+/// weight     samples that one row stands for
+/// returns    T, and what the reduction owes to the prior rather than to the residual: no noise in that
+double consistent_evidence(const Stack& before, const Stack& after, double reduction, double weight);
+
+/// Two explanations that both may be wrong, compared block by block: Vuong, Econometrica 57 (1989) 307.
+struct Contrast {
+  double difference = 0;  ///< cost of the rival less that of the winner
+  double z = 0;           ///< of the difference over its scatter between blocks; the smallest over block lengths
+};
+Contrast contrast(const Stack& winner, const Stack& rival);
+
+/// Probability that a good valve seems to have as much of a cause: the larger of what noise and what the spread between
+/// good valves would do.
+///
+///   noise   reduction − (kNoise − k) as χ² of k freedoms
+///   spread  (reduction − (kNoise − 1)) / s² as F of 1 and n freedoms,   s² = 1 + max(0, mean over good valves − kNoise)
+///
+/// Noise is known; the spread between valves is known from n of them alone, and n that show nothing do not say that
+/// there is none. `kNoise` is what noise alone gives after the search over the law's instants or frequencies, k the
+/// parameters.
 ///
 /// reduction  of the cost, over the noise's inflation
 double good_valve_p_value(double reduction, Eigen::Index freedoms, double noise_reduction, double good_valve_mean,

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/discrepancy/evidence.h"
+
 namespace valvetriage {
 namespace {
 
@@ -39,6 +41,17 @@ class Search {
   double cost(const VectorXd& baseline, const std::vector<double>& parameters) {
     simulations_ += static_cast<int>(problem_.recordings());
     return problem_.cost(fit_.problem().continued_in(problem_, baseline, parameters));
+  }
+
+  /// Of the whole vector at the rows, everything simulated.
+  Stack residual(const VectorXd& baseline, const std::vector<double>& parameters) {
+    simulations_ += static_cast<int>(problem_.recordings());
+    const VectorXd v = fit_.problem().continued_in(problem_, baseline, parameters);
+    Stack residual;
+    for (std::size_t r = 0; r < problem_.recordings(); ++r) {
+      residual.push_back(fit_.error()[r] - fit_.whitened(r, problem_.simulate(v, r)));
+    }
+    return residual;
   }
 
   /// The effect of parameters that differ from those of `at` in one recording's own entry only.
@@ -242,6 +255,7 @@ std::optional<LawFit> search_law(const LinearisedValve& fit, const ValveFitOptio
                .freedoms = std::max<Index>(1, search.freedoms()),
                .baseline = fit.at() + fit.shift_without(point->effect),
                .residual = fit.residual_without(point->effect)};
+  found.consistent_reduction = consistent_evidence(fit.residual_alone(), found.residual, found.reduction, fit.weight());
   // A law that the valve could absorb shows a false gain where the valve's moves are only linear: simulate them.
   for (const double share : {1.0, 0.5}) {
     std::vector<double> parameters = found.parameters;
@@ -249,7 +263,12 @@ std::optional<LawFit> search_law(const LinearisedValve& fit, const ValveFitOptio
     if (share < 1 && (size >= law.shared() || !std::isfinite(law.law->neutral))) break;
     if (share < 1) parameters[size] = law.law->neutral + share * (parameters[size] - law.law->neutral);
     const VectorXd moved = fit.at() + share * (found.baseline - fit.at());
-    found.verified = std::max(found.verified, fit.cost() - search.cost(moved, parameters));
+    const double verified = fit.cost() - search.cost(moved, parameters);
+    if (verified > found.verified) {
+      found.verified = verified;
+      found.consistent_verified =
+          consistent_evidence(fit.error(), search.residual(moved, parameters), verified, fit.weight());
+    }
     if (found.verified > 0.5 * found.reduction) break;
   }
   found.simulations = search.simulations();

@@ -64,16 +64,23 @@ double LinearisedValve::cost_without(const Signature& taken) const {
   return product(taken, taken) - 2 * against_error(taken);
 }
 
-Stack LinearisedValve::residual_without(const Signature& taken) const {
-  const VectorXd shift = shift_without(taken);
+Stack LinearisedValve::moved(Stack left, const VectorXd& shift) const {
   const Index shared = problem_.shared();
-  Stack left;
   for (std::size_t r = 0; r < rows_.size(); ++r) {
-    const auto own = shift.segment(problem_.own_at(r), problem_.own());
-    left.push_back(error_[r] - taken.column[r] - rows_[r].jacobian.leftCols(shared) * shift.head(shared) -
-                   rows_[r].jacobian.rightCols(problem_.own()) * own);
+    left[r] -= rows_[r].jacobian.leftCols(shared) * shift.head(shared) +
+               rows_[r].jacobian.rightCols(problem_.own()) * shift.segment(problem_.own_at(r), problem_.own());
   }
   return left;
+}
+
+Stack LinearisedValve::residual_without(const Signature& taken) const {
+  Stack left = error_;
+  for (std::size_t r = 0; r < rows_.size(); ++r) left[r] -= taken.column[r];
+  return moved(std::move(left), shift_without(taken));
+}
+
+Stack LinearisedValve::residual_alone() const {
+  return moved(error_, newton_);
 }
 
 VectorXd LinearisedValve::shift_without(const Signature& taken) const {

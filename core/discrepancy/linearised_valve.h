@@ -52,10 +52,15 @@ class LinearisedValve {
   double cost_without(const Signature& taken) const;
   /// The whitened residual that is left when `taken` is explained otherwise and the fit has moved.
   Stack residual_without(const Signature& taken) const;
+  /// The whitened residual once the fit has made the step it would still make: zero near a minimum.
+  Stack residual_alone() const;
   /// How the fit's own vector moves when `taken` is explained otherwise.
   Eigen::VectorXd shift_without(const Signature& taken) const;
 
  private:
+  /// `left` less what a move of the fit's vector explains.
+  Stack moved(Stack left, const Eigen::VectorXd& shift) const;
+
   const ValveFitProblem& problem_;
   Eigen::VectorXd v_;
   std::vector<ValveFitProblem::Rows> rows_;

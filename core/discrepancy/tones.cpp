@@ -15,8 +15,6 @@ using Eigen::Index;
 constexpr double kFewestPeriods = 3;
 // The background of a line: the median over this many bins to either side.
 constexpr std::size_t kBackgroundBins = 24;
-// Power of a line over its background that noise reaches once in a thousand recordings of a thousand bins: 2 ln 10⁶.
-constexpr double kLineInInput = 28;
 
 /// Eigen's transform is quadratic in large primes: lengths of 2, 3 and 5 alone.
 std::size_t smooth_length(std::size_t least) {
@@ -27,21 +25,6 @@ std::size_t smooth_length(std::size_t least) {
     }
     if (rest == 1) return n;
   }
-}
-
-/// A spectrum's power over its local background.
-std::vector<double> prominence(std::vector<double> series);
-
-/// The input about its mean on the same grid.
-std::vector<double> input_on_grid(const LinearisedValve& fit, std::size_t r, std::size_t length) {
-  std::vector<double> series(length, 0.0);
-  const auto stride = static_cast<std::size_t>(fit.weight());
-  const auto& samples = fit.rows()[r].sample;
-  const std::vector<double>& input = fit.problem().recording(r).input.values;
-  double mean = 0;
-  for (const std::size_t at : samples) mean += input[at] / static_cast<double>(samples.size());
-  for (const std::size_t at : samples) series[at / stride] = input[at] - mean;
-  return series;
 }
 
 /// The whitened residual on the grid of every row, zero where there is none.
@@ -70,6 +53,7 @@ void divide_by_background(std::vector<double>& power) {
   for (std::size_t k = 0; k < power.size(); ++k) power[k] /= std::max(background[k], 1e-300);
 }
 
+/// A spectrum's power over its local background.
 std::vector<double> prominence(std::vector<double> series) {
   Eigen::FFT<double> transform;
   std::vector<std::complex<double>> spectrum;
@@ -116,30 +100,18 @@ std::vector<Tone> strongest_tones(const LinearisedValve& fit, std::size_t most) 
   if (longest < 16) return {};
   const std::size_t length = smooth_length(2 * longest);
   std::vector<double> sum(length / 2, 0.0);
-  std::vector<int> in_input(sum.size(), 0);
   for (std::size_t r = 0; r < fit.error().size(); ++r) {
     if (fit.problem().recording(r).sample_period_s != sample_period_s) continue;
     const std::vector<double> power = prominence(on_grid(fit, r, length));
-    const std::vector<double> input = prominence(input_on_grid(fit, r, length));
-    for (std::size_t k = 0; k < sum.size(); ++k) {
-      sum[k] += power[k];
-      in_input[k] += input[k] > kLineInInput ? 1 : 0;
-    }
+    for (std::size_t k = 0; k < sum.size(); ++k) sum[k] += power[k];
   }
-  // A line that the input's log has as well is not independent of the input: ripple or dither that aliases into it.
-  // Two recordings with it settle that; a multisine's own lines stand in one.
-  const int enough = std::min(2, static_cast<int>(fit.error().size()));
-  const auto of_input = [&](std::size_t k) {
-    return *std::max_element(in_input.begin() + static_cast<std::ptrdiff_t>(k) - 1,
-                             in_input.begin() + static_cast<std::ptrdiff_t>(k) + 2) >= enough;
-  };
   const double bin_hz = 1.0 / (static_cast<double>(length) * grid_s);
   const auto first =
       static_cast<std::size_t>(std::ceil(kFewestPeriods / (static_cast<double>(longest) * grid_s) / bin_hz));
   std::vector<Tone> tones;
   std::vector<std::size_t> order;
   for (std::size_t k = std::max<std::size_t>(first, 1); k + 1 < sum.size(); ++k) {
-    if (sum[k] >= sum[k - 1] && sum[k] > sum[k + 1] && !of_input(k)) order.push_back(k);
+    if (sum[k] >= sum[k - 1] && sum[k] > sum[k + 1]) order.push_back(k);
   }
   std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return sum[a] > sum[b]; });
   for (const std::size_t k : order) {

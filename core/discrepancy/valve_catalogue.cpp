@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 
+#include "core/discrepancy/input_lines.h"
 #include "core/discrepancy/tones.h"
 
 namespace valvetriage {
@@ -67,6 +68,7 @@ std::vector<double> for_all_recordings(const LawInFit& law, const std::vector<do
 void add_tones(const LinearisedValve& fit, const LawInFit& law, std::vector<LawVariant>& variants) {
   LawVariant variant{.law = law};
   for (const Tone& tone : strongest_tones(fit, kTones)) {
+    if (stands_in_input(fit.problem(), tone.frequency_hz)) continue;
     std::vector<double> start{tone.frequency_hz, tone.amplitude};
     start.insert(start.end(), tone.phase_rad.begin(), tone.phase_rad.end());
     variant.starts.push_back(std::move(start));

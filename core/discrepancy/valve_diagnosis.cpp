@@ -11,6 +11,7 @@
 
 #include "core/discrepancy/evidence.h"
 #include "core/discrepancy/heldout.h"
+#include "core/discrepancy/input_lines.h"
 #include "core/discrepancy/valve_catalogue.h"
 #include "core/discrepancy/valve_explanation.h"
 
@@ -29,9 +30,12 @@ constexpr double kLeastPromise = 8;
 constexpr double kLeastShare = 0.02;
 // Five standard errors: eight good valves that show nothing of a cause do not say how rarely a good valve does.
 constexpr double kLeastEvidence = 25;
+// A size that one good valve in a hundred has by the spread of the others says nothing against a valve.
+constexpr double kLikeGoodValves = 0.01;
 // Joint fits of those that the survey leaves in the race: this far behind the best in ln likelihood, this many at most.
 constexpr double kInTheRace = 30;
 constexpr std::size_t kMostJointFits = 3;
+constexpr std::size_t kGoodValveJointFits = 6;
 constexpr int kJointSteps = 12;
 // A residual this many times slower than white noise has bent the baseline.
 constexpr double kBent = 6;
@@ -56,7 +60,7 @@ double size_in(const Explanation& explanation) {
 /// One law of a survey with what its evidence means.
 struct Tested {
   LawFit fit;
-  double evidence = 0;         ///< verified reduction over the noise's inflation
+  double evidence = 0;         ///< verified reduction, no more than is consistent
   double promise = 0;          ///< the same of the linear forecast
   double noise_reduction = 0;  ///< what noise alone would give after the search
   double p_value = 1;
@@ -68,10 +72,14 @@ struct Tested {
   }
 };
 
+/// A reduction of the cost as evidence: no more of it than what is left allows.
+double evidence_of(double reduction, double consistent) {
+  return std::max(0.0, std::min(reduction, consistent));
+}
+
 struct Survey {
   std::vector<Tested> tested;  ///< one per cause, strongest evidence first
   std::vector<Candidate> untestable;
-  double inflation = 1;
 };
 
 /// Searching over s starting points costs 2 ln s of a likelihood ratio.
@@ -114,11 +122,9 @@ Survey survey_laws(const LinearisedValve& fit, const ValveFitOptions& options, c
   }
   std::stable_sort(survey.tested.begin(), survey.tested.end(),
                    [](const Tested& a, const Tested& b) { return a.fit.reduction > b.fit.reduction; });
-  survey.inflation =
-      survey.tested.empty() ? noise_inflation(fit.error()) : noise_inflation(survey.tested.front().fit.residual);
   for (Tested& tested : survey.tested) {
-    tested.evidence = tested.fit.verified / survey.inflation;
-    tested.promise = tested.fit.reduction / survey.inflation;
+    tested.evidence = evidence_of(tested.fit.verified, tested.fit.consistent_verified);
+    tested.promise = evidence_of(tested.fit.reduction, tested.fit.consistent_reduction);
   }
   return survey;
 }
@@ -130,7 +136,8 @@ const CauseOnGoodValves* on_good_valves(std::span<const CauseOnGoodValves> cause
   return nullptr;
 }
 
-/// By the evidence or by the size, whichever tells more; two tests are paid for.
+/// By the evidence or by the size, whichever tells more; two tests are paid for. What good valves show at this size as
+/// well is no fault, however surely it is there.
 double p_value_of(const Tested& tested, double evidence, double size, const ValveDiagnosisOptions& options) {
   const CauseOnGoodValves* good = on_good_valves(options.causes, tested.cause());
   const double by_evidence = good_valve_p_value(evidence, tested.fit.freedoms, tested.noise_reduction,
@@ -140,6 +147,7 @@ double p_value_of(const Tested& tested, double evidence, double size, const Valv
   const double searched = std::max(0.0, tested.noise_reduction - static_cast<double>(tested.fit.freedoms));
   const double by_size =
       size_p_value(size - neutral, good->size_mean - neutral, good->size_sd, evidence - searched, options.good_valves);
+  if (by_size > kLikeGoodValves) return 1;
   return std::min(1.0, 2 * std::min(by_evidence, by_size));
 }
 
@@ -155,8 +163,7 @@ VectorXd at_population_mean(const Explanation& explanation) {
 void keep_better(Survey other, double offset, Survey& survey) {
   for (Tested& there : other.tested) {
     there.fit.verified = std::max(0.0, there.fit.verified + offset);
-    there.evidence = there.fit.verified / survey.inflation;
-    there.promise = there.evidence;
+    there.evidence = there.promise = evidence_of(there.fit.verified, there.fit.consistent_verified);
     const auto here = std::find_if(survey.tested.begin(), survey.tested.end(),
                                    [&](const Tested& t) { return t.cause() == there.cause(); });
     if (here == survey.tested.end()) {
@@ -196,8 +203,28 @@ struct Ranked {
   std::string cause;
   double log_likelihood = 0;
   double reduction = 0;  ///< of the cost
+  Stack residual;        ///< whitened, what is left beside it
+  double penalty = 0;    ///< of the cost, what is not in the residual
   double probability = 0;
 };
+
+double squares_of(const Stack& residual) {
+  double squares = 0;
+  for (const VectorXd& r : residual) squares += r.squaredNorm();
+  return squares;
+}
+
+/// Brings the likelihoods together where they differ by what one place in the recordings says and another denies: in
+/// white noise 2 z² of a contrast is the likelihood ratio itself, anything else makes it less.
+void keep_consistent(const Ranked& winner, double weight, std::vector<Ranked>& ranked) {
+  for (Ranked& r : ranked) {
+    if (r.cause == winner.cause) continue;
+    const double z = contrast(winner.residual, r.residual).z;
+    const double by_prior = 0.5 * (r.penalty - winner.penalty);
+    const double allowed = std::max(0.0, std::copysign(2 * weight * z * z, z) + by_prior);
+    r.log_likelihood = std::max(r.log_likelihood, winner.log_likelihood - allowed);
+  }
+}
 
 void normalise(std::vector<Ranked>& ranked) {
   double best = -std::numeric_limits<double>::infinity();
@@ -291,19 +318,23 @@ class Diagnosis {
       inflation = noise_inflation(whitened_residual(fitted.back()));
     }
     // Evidence a good valve has as well is no evidence: its mean is taken off before laws are compared.
-    const auto rank = [&](const Tested& tested, double reduction) {
-      const double excess = reduction / inflation - mean_evidence(options_.causes, tested.cause());
+    const auto rank = [&](const Tested& tested, double evidence) {
+      const double excess = evidence - mean_evidence(options_.causes, tested.cause());
       return log_likelihood(-excess * inflation, tested.fit.freedoms, inflation, linear.samples());
     };
     std::optional<std::size_t> best;
     double best_rank = 0;
     for (std::size_t i = 0; i < fitted.size(); ++i) {
       const double reduction = beside.cost - fitted[i].cost;
-      contest.ranked.push_back({racing[i]->cause(), rank(*racing[i], reduction), reduction});
-      const double p =
-          std::min(1.0, laws * p_value_of(*racing[i], reduction / inflation, size_in(fitted[i]), options_));
+      Stack left = residual_at_rows(fitted[i]);
+      const double evidence =
+          evidence_of(reduction, consistent_evidence(linear.error(), left, reduction, linear.weight()));
+      contest.ranked.push_back({racing[i]->cause(), rank(*racing[i], evidence), reduction, std::move(left)});
+      contest.ranked.back().penalty =
+          fitted[i].cost - linear.weight() * squares_of(contest.ranked.back().residual);
+      const double p = std::min(1.0, laws * p_value_of(*racing[i], evidence, size_in(fitted[i]), options_));
       const double searched = racing[i]->noise_reduction - static_cast<double>(racing[i]->fit.freedoms);
-      if (reduction / inflation - std::max(0.0, searched) < kLeastEvidence) continue;
+      if (evidence - std::max(0.0, searched) < kLeastEvidence) continue;
       if (p > kFalseAlarm || (best && contest.ranked.back().log_likelihood <= best_rank)) continue;
       best = i;
       best_rank = contest.ranked.back().log_likelihood;
@@ -313,8 +344,14 @@ class Diagnosis {
     for (const Tested& tested : contest.survey.tested) {
       const bool refitted = std::any_of(contest.ranked.begin(), contest.ranked.end(),
                                         [&](const Ranked& r) { return r.cause == tested.cause(); });
-      if (!refitted) contest.ranked.push_back({tested.cause(), rank(tested, tested.fit.verified), tested.fit.verified});
+      if (!refitted) {
+        contest.ranked.push_back(
+            {tested.cause(), rank(tested, tested.evidence), tested.fit.verified, tested.fit.residual});
+        contest.ranked.back().penalty =
+            linear.cost() - tested.fit.reduction - linear.weight() * squares_of(tested.fit.residual);
+      }
     }
+    keep_consistent(Ranked(contest.ranked[*best]), linear.weight(), contest.ranked);
     normalise(contest.ranked);
     // What good valves show as well explains more: the law that stands out from them is noise of a search.
     if (contest.ranked.front().cause != racing[*best]->cause()) return contest;
@@ -537,16 +574,42 @@ ValveDiagnosis Diagnosis::conclude(const Explanation& explanation) {
 
 ValveDiagnosis diagnose_valve(std::span<const Recording> recordings, const ValveFit& baseline,
                               const ValveDiagnosisOptions& options) {
-  return Diagnosis(recordings, baseline, options).run();
+  const Explanation nothing = explain_nothing(recordings, options.fit, baseline);
+  const CleanInputs clean = without_aliased_lines({*nothing.problem, nothing.v}, options.fit);
+  if (clean.recordings.empty()) return Diagnosis(recordings, baseline, options).run();
+  ValveFit refitted = baseline;
+  const ValveFitProblem problem(clean.recordings, options.fit);
+  refitted.vector = descend(problem, baseline.vector, options.fit.most_iterations).v;
+  ValveDiagnosis diagnosis = Diagnosis(clean.recordings, refitted, options).run();
+  auto& findings = diagnosis.discrepancy.findings;
+  findings.insert(findings.begin(), clean.findings.begin(), clean.findings.end());
+  return diagnosis;
 }
 
 GoodValveSurvey survey_good_valve(std::span<const Recording> recordings, const ValveFit& fit,
                                   const ValveFitOptions& options) {
   const Explanation nothing = explain_nothing(recordings, options, fit);
   const LinearisedValve linear(*nothing.problem, nothing.v);
+  Survey survey = survey_laws(linear, *nothing.options, {});
+  // As a diagnosis does it: those that promise most are fitted together with the valve.
+  const auto forecast = [](const Tested& tested) { return std::max(tested.evidence, tested.promise); };
+  std::stable_sort(survey.tested.begin(), survey.tested.end(),
+                   [&](const Tested& a, const Tested& b) { return forecast(a) > forecast(b); });
   GoodValveSurvey seen;
-  for (const Tested& tested : survey_laws(linear, *nothing.options, {}).tested) {
-    seen.causes.push_back({tested.cause(), tested.evidence, tested.size()});
+  for (std::size_t i = 0; i < survey.tested.size(); ++i) {
+    const Tested& tested = survey.tested[i];
+    double evidence = tested.evidence, size = tested.size();
+    if (i < kGoodValveJointFits && forecast(tested) > kLeastPromise) {
+      const Explanation fitted = extend(recordings, nothing, tested.fit, kJointSteps, nothing.cost);
+      const Stack left = residual_at_rows(fitted);
+      const double reduction = std::max(0.0, nothing.cost - fitted.cost);
+      const double found = evidence_of(reduction, consistent_evidence(linear.error(), left, reduction, linear.weight()));
+      if (found > evidence) {
+        evidence = found;
+        size = size_in(fitted);
+      }
+    }
+    seen.causes.push_back({tested.cause(), evidence, size});
   }
   for (const LeftoverGroup& group : leftover_groups(linear, 2 * options.reference_psi)) {
     if (std::isfinite(group.log_ratio)) seen.leftovers.emplace_back(group.group, group.log_ratio);

@@ -36,7 +36,8 @@ Model Explanation::model() const {
   std::vector<double> outputs(knots.data(), knots.data() + knots.size());
   outputs = monotone_regression(outputs, std::vector<double>(outputs.size(), 1.0));
   Model model =
-      to_model(to_parameters(v.head(ValveFitProblem::kParameters), options->reference_psi), {options->knots, outputs});
+      to_model(to_parameters(v.head(ValveFitProblem::kParameters), options->reference_psi), {options->knots, outputs},
+               options->gauge_lag_s);
   for (std::size_t l = 0; l < options->laws.size(); ++l) {
     const LawInFit& law = options->laws[l];
     MechanismUse use{.cause = std::string(law.law->cause),
@@ -139,7 +140,10 @@ Explanation without(std::span<const Recording>, const Explanation& explanation, 
   return less;
 }
 
-Stack whitened_residual(const Explanation& explanation) {
+namespace {
+
+/// Every `stride`-th sample that is valid.
+Stack residual_every(const Explanation& explanation, std::size_t stride) {
   Stack residual;
   const ValveFitProblem& problem = *explanation.problem;
   for (std::size_t r = 0; r < problem.recordings(); ++r) {
@@ -147,12 +151,22 @@ Stack whitened_residual(const Explanation& explanation) {
     const std::vector<double> simulated = problem.simulate(explanation.v, r);
     const double whiten = std::sqrt(problem.inverse_variance(r));
     std::vector<double> kept;
-    for (std::size_t i = 0; i < simulated.size(); ++i) {
+    for (std::size_t i = 0; i < simulated.size(); i += stride) {
       if (recording.is_valid(i)) kept.push_back(whiten * (recording.output.values[i] - simulated[i]));
     }
     residual.push_back(Eigen::Map<const VectorXd>(kept.data(), static_cast<Index>(kept.size())));
   }
   return residual;
+}
+
+}  // namespace
+
+Stack whitened_residual(const Explanation& explanation) {
+  return residual_every(explanation, 1);
+}
+
+Stack residual_at_rows(const Explanation& explanation) {
+  return residual_every(explanation, explanation.problem->stride());
 }
 
 }  // namespace valvetriage

@@ -36,5 +36,7 @@ Explanation without(std::span<const Recording> recordings, const Explanation& ex
 
 /// What is left, one whitened column per recording.
 Stack whitened_residual(const Explanation& explanation);
+/// The same at the rows of a linearisation only.
+Stack residual_at_rows(const Explanation& explanation);
 
 }  // namespace valvetriage

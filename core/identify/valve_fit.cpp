@@ -18,6 +18,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr double kKnotSpacing_a = 0.025;
+constexpr double kBeyondEnd = 0.25;  // of a spacing
 
 /// Where the search begins: the population's mean, a given point, or a fan of speeds.
 std::vector<ValveParameters> starting_points(const ValveFitOptions& options, std::span<const Recording> recordings) {
@@ -140,8 +141,9 @@ Result<std::vector<double>> map_knots(std::span<const Recording> recordings) {
   if (!(high > low)) {
     return fail("constant_input", "the input of these recordings never changes, so no map can be learned");
   }
-  const auto first = std::llround(std::floor(low / kKnotSpacing_a));
-  const auto last = std::max(first + 1, std::llround(std::ceil(high / kKnotSpacing_a)));
+  // A knot that only noise and undershoot come near is not measured; the last piece reaches a little beyond its end.
+  const auto first = std::llround(std::floor(low / kKnotSpacing_a + kBeyondEnd));
+  const auto last = std::max(first + 1, std::llround(std::ceil(high / kKnotSpacing_a - kBeyondEnd)));
   std::vector<double> knots;
   for (auto k = first; k <= last; ++k) knots.push_back(static_cast<double>(k) * kKnotSpacing_a);
   return knots;
@@ -182,7 +184,7 @@ Result<ValveFit> fit_valve(std::span<const Recording> recordings, const ValveFit
   return fit;
 }
 
-Model to_model(const ValveParameters& parameters, const StaticMap& map) {
+Model to_model(const ValveParameters& parameters, const StaticMap& map, double gauge_lag_s) {
   Model model;
   model.kind = "valve";
   model.input_unit = "A";
@@ -191,7 +193,13 @@ Model to_model(const ValveParameters& parameters, const StaticMap& map) {
   model.dynamics = to_transfer_function(parameters.spool);
   model.map = map;
   model.volume = parameters.volume;
+  if (gauge_lag_s > 0) model.mechanisms.push_back({.cause = "extra_lag", .parameters = {gauge_lag_s}});
   return model;
+}
+
+double gauge_lag_s(const Model& model) {
+  if (model.mechanisms.empty() || model.mechanisms.front().cause != "extra_lag") return 0;
+  return model.mechanisms.front().parameters.front();
 }
 
 }  // namespace valvetriage

@@ -69,6 +69,7 @@ struct ValveFitOptions {
   std::optional<ValvePrior> prior;       ///< the population; empty: physics' own wide preferences and a smooth map
   std::optional<ValveParameters> start;  ///< instead of the fan of starting points
   std::vector<LawInFit> laws;            ///< fitted together with the valve
+  double gauge_lag_s = 0;                ///< first-order lag of the gauge, known beforehand and not fitted [s]
   int most_iterations = 40;
 };
 
@@ -88,7 +89,7 @@ struct ValveFit {
 
 /// Free-run (output-error) least squares of all parameters and the map together.
 ///
-///   u → magnetic loop → delay, spool → map → volume → y + noise         (Model, kind "valve")
+///   u → magnetic loop → delay, spool → map → volume → gauge → y + noise         (Model, kind "valve")
 ///
 /// Estimated with them, per recording: two states of the spool, the volume's pressure and the loop's memory at its
 /// start. The residual of each recording is weighted by its noise floor. Small changes are carried through the volume
@@ -108,7 +109,11 @@ Result<std::vector<double>> map_knots(std::span<const Recording> recordings);
 /// Half of the largest output of the recordings, where a volume's time constant is quoted [psi].
 double reference_pressure(std::span<const Recording> recordings);
 
-/// Parameters and map as a Model: kind "valve", dynamics in the s domain.
-Model to_model(const ValveParameters& parameters, const StaticMap& map);
+/// Parameters and map as a Model: kind "valve", dynamics in the s domain; the gauge as an `extra_lag`, first among its
+/// mechanisms, where it has a lag.
+Model to_model(const ValveParameters& parameters, const StaticMap& map, double gauge_lag_s = 0);
+
+/// The lag of the gauge in such a model, 0 without one [s].
+double gauge_lag_s(const Model& model);
 
 }  // namespace valvetriage

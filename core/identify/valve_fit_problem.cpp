@@ -6,6 +6,7 @@
 #include <limits>
 #include <numeric>
 
+#include "core/model/gauge.h"
 #include "core/mechanisms/simulate_extended.h"
 #include "core/residual/noise_floor.h"
 
@@ -313,6 +314,7 @@ ValveFitProblem::Run ValveFitProblem::run(const VectorXd& v, std::size_t recordi
   const double first = run.steady.front() + v(own_at(recording) + kPressureGap);
   run_volume(blocks_of(v, recording).valve.volume, prepared_[recording].recording->sample_period_s, first, run.steady,
              run.pressure, tangents ? &run.tangent : nullptr);
+  read_behind_lag(options_.gauge_lag_s, prepared_[recording].recording->sample_period_s, run.pressure);
   run.output = run.pressure;
   apply_laws(Place::kOutput, v, recording, run.steady, run.output, tangents ? &run.before_output : nullptr);
   return run;
@@ -475,7 +477,8 @@ class ValveFitProblem::Columns {
   std::vector<double> volume_change(const VectorXd& w, const OrificeVolume& volume, double step) const {
     std::vector<double> moved(base_.steady.size());
     const double first = base_.steady.front() + w(problem_.own_at(recording_) + kPressureGap);
-    run_volume(volume, problem_.prepared_[recording_].recording->sample_period_s, first, base_.steady, moved);
+    run_volume(volume, period_s(), first, base_.steady, moved);
+    read_behind_lag(problem_.options_.gauge_lag_s, period_s(), moved);
     for (std::size_t i = 0; i < moved.size(); ++i) moved[i] = (moved[i] - base_.pressure[i]) / step;
     problem_.output_tangents(v_, recording_, base_, moved);
     return moved;
@@ -512,7 +515,10 @@ class ValveFitProblem::Columns {
       change[i] = p;
       p = base_.tangent.keep[i] * p + base_.tangent.pass[i] * both;
     }
+    read_behind_lag(problem_.options_.gauge_lag_s, period_s(), change);
   }
+
+  double period_s() const { return problem_.prepared_[recording_].recording->sample_period_s; }
 
   const ValveFitProblem& problem_;
   const VectorXd& v_;

@@ -9,7 +9,7 @@ namespace valvetriage {
 
 /// The weighted least-squares problem behind fit_valve, linearised by tangents (internal to identify and discrepancy).
 ///
-///   u → magnetic loop → input laws → G → position laws → map → steady laws → volume → output laws → y
+///   u → magnetic loop → input laws → G → position laws → map → steady laws → volume → gauge → output laws → y
 ///
 /// Vector: [parameters | knot outputs | shared law parameters | per recording: two spool states, pressure gap, loop
 /// memory, its own law parameters].
@@ -52,7 +52,7 @@ class ValveFitProblem {
     std::vector<double> position;                    ///< the map's input x at each sample [A]
     std::vector<double> mapped;                      ///< map(x)
     std::vector<double> steady;                      ///< behind the steady laws
-    std::vector<double> pressure;                    ///< behind the volume
+    std::vector<double> pressure;                    ///< behind the volume and the gauge
     std::vector<std::vector<double>> before_output;  ///< what enters each output law
     std::vector<double> output;
     VolumeTangent tangent;

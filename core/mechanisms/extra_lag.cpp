@@ -9,9 +9,9 @@
 //            hysteresis in one slow triangle at one rate
 
 #include <array>
-#include <cmath>
 
 #include "core/mechanisms/bounds.h"
+#include "core/model/gauge.h"
 
 namespace valvetriage {
 namespace {
@@ -25,19 +25,9 @@ MechanismBounds bounds(const MechanismScales& scales) {
   return one_parameter(0, scales.longest_s, 0.02 * period, spread(0.5 * period, 0.05 * scales.longest_s, 4));
 }
 
-/// y_{i+1} = a y_i + (φ − a) u_i + (1 − φ) u_{i+1},   a = e^(−T/τ),  φ = (1 − a) τ / T
 void filter(std::span<const double> parameters, const LawContext& context, std::span<double> signal) {
-  const double tau = parameters[0];
-  if (!(tau > 0) || signal.size() < 2) return;
-  const double ratio = (context.time_s[1] - context.time_s[0]) / tau;
-  const double a = std::exp(-ratio);
-  const double phi = -std::expm1(-ratio) / ratio;
-  double y = signal[0], before = signal[0];
-  for (double& value : signal.subspan(1)) {
-    y = a * y + (phi - a) * before + (1 - phi) * value;
-    before = value;
-    value = y;
-  }
+  if (signal.size() < 2) return;
+  read_behind_lag(parameters[0], context.time_s[1] - context.time_s[0], signal);
 }
 
 void tangent(std::span<const double> parameters, const LawContext& context, std::span<const double>,

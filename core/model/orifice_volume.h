@@ -14,7 +14,7 @@ namespace valvetriage {
 /// At p = m nothing flows, whatever n. n = 1/2 is turbulent flow (Bernoulli's orifice), n = 1 laminar, and with P_s far
 /// above a plain first-order lag. κ is set so that the small-signal time constant at the reference pressure is
 /// `time_constant_s`: settling is fast at low pressure and slow at mid pressure, and differs up and down.
-/// ε = 1 psi: every orifice is laminar at small drops (Borutzky, Control Eng. Practice 10 (2002) 1253).
+/// ε = 0.1 psi: every orifice is laminar at small drops (Borutzky, Control Eng. Practice 10 (2002) 1253).
 /// Source: Merritt, Hydraulic Control Systems (1967), chapters 3 and 5.
 ///
 /// What may be wrong with it, neutral by default; the inflow and κ stay those of the healthy volume:
@@ -50,7 +50,7 @@ struct VolumeTangent {
 /// steady    m at each sample, linear between [psi]
 /// pressure  as many values, may be the same memory as steady
 /// tangent   filled where not null
-/// Cost      O(n), six powers per sample, nothing allocated; an exponential midpoint rule, second order in the sampling
+/// Cost      O(n), flows from a table of a thousand powers made once; an exponential midpoint rule, second order in the sampling
 ///           period and stable for every time constant
 void run_volume(const OrificeVolume& volume, double sample_period_s, double first_psi, std::span<const double> steady,
                 std::span<double> pressure, VolumeTangent* tangent = nullptr);

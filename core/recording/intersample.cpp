@@ -1,6 +1,26 @@
 #include "core/recording/intersample.h"
 
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
 namespace valvetriage {
+namespace {
+
+// A straight line through a gap is trusted where the slopes on both sides bend it by less than this part of the range.
+constexpr double kBend = 0.002;
+constexpr std::size_t kBeside = 5;
+
+/// How far a cubic through the samples beside [first, last) lies from the straight line, at its middle.
+double bend_across(const std::vector<double>& u, std::size_t first, std::size_t last) {
+  if (first < kBeside || last + kBeside > u.size()) return 0;
+  const auto slope = [&](std::size_t from) {
+    return (u[from + kBeside - 1] - u[from]) / static_cast<double>(kBeside - 1);
+  };
+  return static_cast<double>(last - first + 1) / 8 * std::abs(slope(last) - slope(first - kBeside));
+}
+
+}  // namespace
 
 IntervalSignal input_between_samples(const Recording& recording) {
   const auto& u = recording.input.values;
@@ -11,7 +31,36 @@ IntervalSignal input_between_samples(const Recording& recording) {
       signal.end[segment.begin - 1] = signal.start[segment.begin - 1];
     }
   }
+  // A jump between two samples of the grid: held at the value that gives the interval its mean.
+  for (const InputJump& jump : recording.jumps) {
+    const double before = u[jump.interval], after = u[jump.interval + 1];
+    signal.start[jump.interval] = signal.end[jump.interval] = before + (1 - jump.fraction) * (after - before);
+  }
   return signal;
+}
+
+std::size_t leave_out_lost_input(Recording& recording, double settling_s) {
+  const std::vector<double>& u = recording.input.values;
+  if (recording.valid.empty() || u.empty()) return 0;
+  const auto [low, high] = std::minmax_element(u.begin(), u.end());
+  const auto settling = static_cast<std::size_t>(std::ceil(settling_s / recording.sample_period_s));
+  std::vector<std::size_t> until(u.size(), 0);  // of a gap that starts here
+  for (std::size_t first = 0, last = 0; first < u.size(); first = last + 1) {
+    while (first < u.size() && recording.valid[first] != 0) ++first;
+    for (last = first; last < u.size() && recording.valid[last] == 0;) ++last;
+    if (last < u.size() && bend_across(u, first, last) > kBend * (*high - *low)) until[first] = last + settling;
+  }
+  for (const InputJump& jump : recording.jumps) {
+    if (jump.in_gap) until[jump.interval] = jump.interval + settling;
+  }
+  std::size_t left_out = 0;
+  for (std::size_t i = 0, end = 0; i < u.size(); ++i) {
+    end = std::max(end, until[i]);
+    if (i >= end) continue;
+    left_out += recording.valid[i];
+    recording.valid[i] = 0;
+  }
+  return left_out;
 }
 
 }  // namespace valvetriage

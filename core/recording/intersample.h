@@ -17,4 +17,11 @@ struct IntervalSignal {
 /// everything else is linear. Half a sample of error here is 8 times the noise at a step edge.
 IntervalSignal input_between_samples(const Recording& recording);
 
+/// Leaves out what follows a gap in which the input cannot be known: a step whose instant is lost, or a curve that no
+/// straight line follows. No model can be right there; a few milliseconds of doubt outweigh a small fault.
+///
+/// settling_s  how long the output remembers an input [s]
+/// returns     how many samples were valid before and are not any more
+std::size_t leave_out_lost_input(Recording& recording, double settling_s);
+
 }  // namespace valvetriage

@@ -59,6 +59,13 @@ struct Segment {
   double rate_per_s = 0;  ///< slope of a ramp
 };
 
+/// Where a step of the input lies inside an interval of a grid that is not the file's own stamps.
+struct InputJump {
+  std::size_t interval = 0;  ///< from this sample to the next
+  double fraction = 1;       ///< of the interval that passes before it, above 0 to 1
+  bool in_gap = false;       ///< rows are missing just there: the instant is the latest possible
+};
+
 /// One time series from the test stand, as everything above this floor sees it: uniformly sampled, converted.
 ///
 /// `time_s` are the file's own stamps, n of them, strictly increasing. Where the stamps are uniform the grid is the
@@ -77,6 +84,7 @@ struct Recording {
   Channel output;                   ///< n_grid values
   std::vector<Channel> side;        ///< named side inputs, n_grid values each
   std::vector<std::uint8_t> valid;  ///< n_grid flags; empty means all valid
+  std::vector<InputJump> jumps;     ///< of a resampled recording's input, in their order
 
   std::vector<QualityItem> quality;
   std::vector<Segment> segments;

@@ -250,14 +250,15 @@ static double steady_output(double x) {
 
 /// core/model/orifice_volume.cpp in C.
 constexpr const char* kVolume = R"c(
-/* (p + 1)^n - 1 and its slope, the tangent below zero: laminar at small drops. */
+/* (p + e)^n - e^n and its slope, the tangent below zero: laminar at drops below e = 0.1 psi. */
 static double orifice(double p, double n, double *slope) {
+  const double e = 0.1, zero = pow(e, n);
   if (p < 0) {
-    *slope = n;
-    return n * p;
+    *slope = n * zero / e;
+    return *slope * p;
   }
-  *slope = n * pow(p + 1, n) / (p + 1);
-  return pow(p + 1, n) - 1;
+  *slope = n * pow(p + e, n) / (p + e);
+  return pow(p + e, n) - zero;
 }
 
 static double drop_of(double p, double *slope) {

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <numbers>
 #include <random>
 
 #include "core/mechanisms/mechanism.h"
@@ -69,6 +70,30 @@ TEST(ValveDiagnosis, AGoodValveHasNoCause) {
     EXPECT_TRUE(found.causes.empty());
     EXPECT_EQ(found.gain.reduction, 0);
   }
+}
+
+/// The logged input with a line on it: what 201.7 Hz of dither leaves in a log of 200 Hz.
+std::vector<Recording> with_line_in_log(std::vector<Recording> recordings, double amplitude_a) {
+  double phase = 0.3;
+  for (Recording& recording : recordings) {
+    for (std::size_t i = 0; i < recording.samples(); ++i) {
+      const double t = static_cast<double>(i) * recording.sample_period_s;
+      recording.input.values[i] += amplitude_a * std::sin(2 * std::numbers::pi * 1.7 * t + phase);
+    }
+    phase += 1.1;
+  }
+  return recordings;
+}
+
+TEST(ValveDiagnosis, ALineThatOnlyTheLogOfTheInputHasIsNoDisturbance) {
+  const test::MadeValve valve;
+  const auto healthy = test::session(valve, kNoise_psi, 5);
+  const Discrepancy found = diagnosed(with_line_in_log(healthy, 0.002), Population(healthy, valve)).discrepancy;
+  EXPECT_EQ(found.conclusion, Conclusion::kNone) << (found.causes.empty() ? "" : found.causes.front().cause);
+  ASSERT_FALSE(found.findings.empty());
+  EXPECT_EQ(found.findings.front().where, "input");
+  EXPECT_NE(found.findings.front().what.find("a line of 1.7 Hz and 0.002 A"), std::string::npos)
+      << found.findings.front().what;
 }
 
 class ValveDiagnosisOf : public testing::TestWithParam<MechanismUse> {};

@@ -4,6 +4,7 @@
 
 #include <limits>
 
+#include "core/recording/intersample.h"
 #include "core/recording/limits.h"
 #include "tests/unit/recording/signals.h"
 
@@ -148,6 +149,84 @@ TEST(Prepare, TakesTheTestOfTheMetadataBeforeItsOwn) {
   raw.metadata.test = "other";
   EXPECT_EQ(prepared(raw)->test, TestKind::kOther);
   EXPECT_FALSE(prepared(raw)->test_inferred);
+}
+
+/// The stand's command read by a clock that jitters by up to a third of a period.
+RawRecording jittered(const Signal& command, unsigned seed) {
+  RawRecording raw = raw_of(command, response_of(command));
+  std::mt19937_64 random(seed);
+  std::uniform_real_distribution<double> jitter(-0.0016, 0.0016);
+  for (double& stamp : raw.time.values) stamp += jitter(random);
+  return raw;
+}
+
+TEST(Prepare, KnowsWhereBetweenTwoGridSamplesAStepOfAJitteringRecordingLies) {
+  const RawRecording raw = jittered(step_command(), 3);
+  const auto recording = prepared(raw);
+  ASSERT_TRUE(recording) << recording.error().message;
+  ASSERT_EQ(recording->jumps.size(), 4u);
+  const IntervalSignal between = input_between_samples(*recording);
+  for (std::size_t j = 0; j < 4; ++j) {
+    const InputJump& jump = recording->jumps[j];
+    const double at =
+        recording->start_s + (static_cast<double>(jump.interval) + jump.fraction) * recording->sample_period_s;
+    EXPECT_NEAR(at, raw.time.values[400 * (j + 1)], 1e-9);
+    EXPECT_FALSE(jump.in_gap);
+    const double before = recording->input.values[jump.interval], after = recording->input.values[jump.interval + 1];
+    EXPECT_NEAR(between.start[jump.interval], before + (1 - jump.fraction) * (after - before), 1e-12);
+    EXPECT_EQ(between.end[jump.interval], between.start[jump.interval]);
+  }
+}
+
+TEST(Prepare, ASteepSineIsNoRowOfSteps) {
+  const RawRecording raw = jittered(swept_sine_of(4000), 4);
+  const auto recording = prepared(raw);
+  ASSERT_TRUE(recording) << recording.error().message;
+  EXPECT_TRUE(recording->jumps.empty());
+}
+
+TEST(Prepare, AcrossAGapASineKeepsItsCurve) {
+  RawRecording raw = recorded(swept_sine_of(4000), 5);
+  const Signal whole = raw.input.values;
+  for (Signal* column : {&raw.time.values, &raw.input.values, &raw.output.values}) {
+    column->erase(column->begin() + 3001, column->begin() + 3006);
+  }
+  const auto recording = prepared(raw);
+  ASSERT_TRUE(recording) << recording.error().message;
+  double straight = 0, curved = 0;
+  for (std::size_t i = 3001; i < 3006; ++i) {
+    const double share = static_cast<double>(i - 3000) / 6;
+    straight = std::max(straight, std::abs(whole[3000] + share * (whole[3006] - whole[3000]) - whole[i]));
+    curved = std::max(curved, std::abs(recording->input.values[i] - whole[i]));
+  }
+  EXPECT_LT(curved, 0.3 * straight);
+}
+
+/// A recording with five rows lost from `first` on.
+Recording with_gap(const Signal& command, std::ptrdiff_t first) {
+  RawRecording raw = recorded(command, 6);
+  for (Signal* column : {&raw.time.values, &raw.input.values, &raw.output.values}) {
+    column->erase(column->begin() + first, column->begin() + first + 5);
+  }
+  return prepared(raw).value();
+}
+
+TEST(Prepare, WhatFollowsAStepThatIsLostInAGapIsLeftOut) {
+  Recording recording = with_gap(step_command(), 398);
+  ASSERT_EQ(recording.jumps.size(), 4u);
+  EXPECT_TRUE(recording.jumps[0].in_gap);
+  EXPECT_GT(leave_out_lost_input(recording, 0.25), 40u);
+  EXPECT_TRUE(recording.is_valid(397));
+  EXPECT_FALSE(recording.is_valid(440));
+  EXPECT_TRUE(recording.is_valid(460));
+}
+
+TEST(Prepare, WhatFollowsAGapInACurveIsLeftOutAndInAHoldKept) {
+  Recording curve = with_gap(swept_sine_of(4000), 3500);
+  EXPECT_GT(leave_out_lost_input(curve, 0.25), 40u);
+  Recording hold = with_gap(step_command(), 600);
+  EXPECT_EQ(leave_out_lost_input(hold, 0.25), 0u);
+  EXPECT_TRUE(hold.is_valid(610));
 }
 
 }  // namespace

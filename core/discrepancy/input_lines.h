@@ -1,0 +1,30 @@
+#pragma once
+
+#include <vector>
+
+#include "core/discrepancy/discrepancy.h"
+#include "core/discrepancy/linearised_valve.h"
+
+namespace valvetriage {
+
+/// Recordings whose logged input has been rid of lines that the valve never saw.
+struct CleanInputs {
+  std::vector<Recording> recordings;  ///< empty: there was nothing to take off
+  std::vector<Finding> findings;      ///< one per line
+};
+
+/// Takes off the logged input what ripple and dither leave in it: a current clock far above half the sampling rate
+/// appears in the log at an alias of its frequency, the simulation follows that alias, and the valve does not.
+///
+/// A line is taken off where the residual has it, the input has it in at least two recordings (one, where there is only
+/// one) at the 1e-4 level, and a line of free amplitude and phase in each recording's input explains the residual's.
+/// A line of the input that the valve does follow leaves nothing in the residual and stays.
+///
+/// fit      of the recordings as logged
+/// Source   aliasing: any text on sampling; the test is the F test of a sine and a cosine beside piecewise straight lines
+CleanInputs without_aliased_lines(const LinearisedValve& fit, const ValveFitOptions& options);
+
+/// Whether the logged input has a line at this frequency; see without_aliased_lines.
+bool stands_in_input(const ValveFitProblem& problem, double frequency_hz);
+
+}  // namespace valvetriage
