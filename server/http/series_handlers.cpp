@@ -23,7 +23,7 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kUniformTolerance = 1e-6;  // of a sample period: stamps written with six digits are uniform
 
-enum class Shown { kInput, kMeasured, kSimulated, kExtended, kResidual };
+enum class Shown { kInput, kMeasured, kSimulated, kExtended, kResidual, kExtendedResidual };
 
 /// What part of which recording is asked for.
 struct SeriesRequest {
@@ -53,16 +53,17 @@ Result<void> read_number(const Request& request, std::string_view name, Number& 
 }
 
 Result<SeriesRequest> series_request(const Request& request) {
-  constexpr std::array kNames{std::pair("input", Shown::kInput), std::pair("measured", Shown::kMeasured),
-                              std::pair("simulated", Shown::kSimulated), std::pair("extended", Shown::kExtended),
-                              std::pair("residual", Shown::kResidual)};
+  constexpr std::array kNames{
+      std::pair("input", Shown::kInput),         std::pair("measured", Shown::kMeasured),
+      std::pair("simulated", Shown::kSimulated), std::pair("extended", Shown::kExtended),
+      std::pair("residual", Shown::kResidual),   std::pair("extended_residual", Shown::kExtendedResidual)};
   SeriesRequest wanted;
   wanted.name = request.parameter("what");
   if (wanted.name.empty()) wanted.name = "measured";
   const auto* found =
       std::find_if(kNames.begin(), kNames.end(), [&](const auto& entry) { return entry.first == wanted.name; });
   if (found == kNames.end())
-    return bad_parameter("what", wanted.name, "input, measured, simulated, extended or residual");
+    return bad_parameter("what", wanted.name, "input, measured, simulated, extended, residual or extended_residual");
   wanted.what = found->second;
   for (auto read : {read_number(request, "from", wanted.from, "a time in seconds"),
                     read_number(request, "to", wanted.to, "a time in seconds"),
@@ -109,12 +110,13 @@ Result<std::vector<double>> series_values(Service& service, const Request& reque
   if (what == Shown::kMeasured) return values;
   const auto submission = submission_asked_for(service, request);
   if (!submission) return tl::unexpected(submission.error());
-  const auto model = stored_model(service, *submission, what == Shown::kExtended);
+  const bool extended = what == Shown::kExtended || what == Shown::kExtendedResidual;
+  const auto model = stored_model(service, *submission, extended);
   if (!model) return tl::unexpected(model.error());
   // As in the analysis, the initial state is estimated rather than assumed; the run itself sees the input alone.
   const InitialState estimated{.kind = InitialState::Kind::kMeasured, .samples = recording.samples()};
   auto simulated = simulate_extended(*model, recording, estimated);
-  if (!simulated || what != Shown::kResidual) return simulated;
+  if (!simulated || what == Shown::kSimulated || what == Shown::kExtended) return simulated;
   for (std::size_t i = 0; i < values.size(); ++i) values[i] -= (*simulated)[i];
   return values;
 }
