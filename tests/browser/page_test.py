@@ -164,7 +164,7 @@ class Page(unittest.TestCase):
         quoted = urllib.parse.quote(HOSTILE, safe="")
         self.open(f"/serial/{quoted}", HOSTILE)
         self.open(f"/lot/{quoted}", HOSTILE)
-        self.browser.wait_for_text("Strongest cause")
+        self.browser.wait_for_text("Valves by verdict")
         self.assertIsNone(self.browser.run("document.querySelector('main img')"))
         self.assertIsNone(self.browser.run("window.hacked ?? null"))
 
@@ -173,6 +173,23 @@ class Page(unittest.TestCase):
         self.open("/lot/2026-W31-B", "Valves by verdict")
         self.assertIn("2 valves in 2 sessions, 1 analysed", self.browser.text())
         self.picture("lot")
+
+    def test_a_lot_names_the_rules_that_fired(self):
+        self.open("/lot/2026-W31-B", "Error over time")
+        self.assertEqual(self.browser.run("import('/web/lot_view.js').then((m) => m.runs([1, 5, 5, 5, 5, 5, 5, 5, 5, 1, 5], 3))"), [[1, 8]])
+        self.assertEqual(self.browser.run("import('/web/lot_view.js').then((m) => m.runs([5, 5, 5, 5, 5, 5, 5, 1], 3))"), [])
+        self.assertEqual(self.browser.run("import('/web/chart.js').then((m) => m.ticks(0, 0.35))"), [0, 0.1, 0.2, 0.3])
+        self.browser.run("""import('/web/lot_view.js').then((m) => {
+          const errors = [10, 11, 10, 11, 10, 11, 10, 11, 10, 90];
+          const valves = errors.map((error, i) => ({submission_id: `sub_${i}`, serial: `S${i}`, verdict: 'Good', errors: [{level_A: 1.4, error_eq20: error}]}));
+          const level = {level_A: 1.4, centre: 18.4, upper_limit: 45, lower_limit: 0, outside: ['sub_9']};
+          document.querySelector('main').replaceChildren(m.controlCharts(level, valves));
+        })""")
+        text = self.browser.text()
+        self.assertIn("S9 is outside the limits: 90.0", text)
+        self.assertIn("9 valves in a row on one side of the mean, from S0 to S8", text)
+        self.assertIn("the step to S9 is larger than the moving range allows: 80.0", text)
+        self.assertEqual(self.browser.run("document.querySelectorAll('.lot-chart .ring').length"), 2)
 
     def test_a_missing_valve_says_so(self):
         self.browser.open("about:blank")
