@@ -1,5 +1,6 @@
 #include <Eigen/Dense>
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "core/identify/response_spectra.h"
@@ -16,6 +17,11 @@ constexpr double kExcitedOfStrongest = 1e-5;  // power of a window over that of 
 constexpr double kLeastRough = 0.05;          // share of the input's power that no transient could imitate
 constexpr double kFirstLineOfWindow = 0.25;   // power of the first line over the strongest of the dozen behind it
 constexpr double kLeastReciprocalCondition = 1e-5;
+constexpr double kWellDescribed = 0.999;  // coherence above which a parabola needs no rival
+constexpr double kResonanceLeaves = 0.5;  // of the parabola's noise: else the window holds no resonance
+// Five complex unknowns of a local rational function: as many nodes (Gauss-Legendre) carry what it knows.
+constexpr std::array<double, 5> kGaussNodes5{-0.9061798459386640, -0.5384693101056831, 0, 0.5384693101056831,
+                                             0.9061798459386640};
 
 struct Window {
   double from_hz = 0;
@@ -73,6 +79,7 @@ std::vector<Window> windows_of(const RecordSpectra& record, double highest_hz, i
 struct Regression {
   Eigen::MatrixXcd columns;
   Eigen::VectorXcd output;
+  Eigen::VectorXd abscissa;  ///< −1 to 1 across the window
   double input_scale = 1;
 };
 
@@ -86,6 +93,7 @@ Regression regression_of(const Window& window, std::span<const RecordSpectra> re
   Regression regression;
   regression.columns = Eigen::MatrixXcd::Zero(rows, static_cast<Index>(kTerms) + transients);
   regression.output.resize(rows);
+  regression.abscissa.resize(rows);
   regression.input_scale = std::sqrt(std::max(input_power(window, records), 1e-300));
   Index row = 0;
   for (std::size_t r = 0; r < records.size(); ++r) {
@@ -99,6 +107,7 @@ Regression regression_of(const Window& window, std::span<const RecordSpectra> re
         regression.columns(row, transient + term) = power;
       }
       regression.output(row) = records[r].output[k];
+      regression.abscissa(row) = x;
     }
   }
   return regression;
@@ -110,43 +119,87 @@ double residual_power(const Eigen::MatrixXcd& columns, const Eigen::VectorXcd& o
   return rotated.tail(rotated.size() - columns.cols()).squaredNorm();
 }
 
-/// The three points of one window; none where its equations do not tell gain and transient apart.
-std::vector<ResponsePoint> points_of(const Window& window, std::span<const RecordSpectra> records, int group) {
-  const Regression regression = regression_of(window, records);
-  const Index unknowns = regression.columns.cols(), rows = regression.columns.rows();
-  const auto transients = unknowns - static_cast<Index>(kTerms);
+/// What one window gives: its points, and its noise power per freedom to compare ways by.
+struct WindowEstimate {
+  std::vector<ResponsePoint> points;
+  double noise = 0;
+  double coherence = 0;
+};
+
+/// G = N / D at x = numerator (three terms) over 1 + d_1 x + d_2 x² (none, or two terms), by least squares on
+///
+///   Y D = N U + T
+///
+/// With D = 1 local polynomials; else the local rational method (McKelvey and Guérin, SYSID 2012), for windows that
+/// hold a resonance. Nothing where the equations do not tell gain and transient apart.
+WindowEstimate estimate_window(const Window& window, std::span<const RecordSpectra> records, int group, bool rational) {
+  Regression regression = regression_of(window, records);
+  const Index rows = regression.columns.rows();
+  const auto terms = static_cast<Index>(kTerms);
+  const auto transients = regression.columns.cols() - terms;
+  if (rational) {
+    const Index at = regression.columns.cols();
+    regression.columns.conservativeResize(Eigen::NoChange, at + 2);
+    for (Index i = 0; i < rows; ++i) {
+      regression.columns(i, at) = -regression.abscissa(i) * regression.output(i);
+      regression.columns(i, at + 1) = regression.abscissa(i) * regression.columns(i, at);
+    }
+  }
+  const Index unknowns = regression.columns.cols();
   if (rows <= unknowns) return {};
   // Beyond the end of a sweep its spectrum is as smooth as a transient's: nothing tells the two apart.
   const Eigen::VectorXcd input = regression.columns.col(0);
-  if (residual_power(regression.columns.rightCols(transients), input) < kLeastRough * input.squaredNorm()) return {};
-  const Eigen::HouseholderQR<Eigen::MatrixXcd> qr(regression.columns);
+  const Eigen::MatrixXcd transient_columns = regression.columns.middleCols(terms, transients);
+  if (residual_power(transient_columns, input) < kLeastRough * input.squaredNorm()) return {};
+  const Eigen::RowVectorXd scale = regression.columns.colwise().norm().cwiseMax(1e-300);
+  const Eigen::MatrixXcd columns = regression.columns * scale.cwiseInverse().asDiagonal();
+  const Eigen::HouseholderQR<Eigen::MatrixXcd> qr(columns);
   const Eigen::MatrixXcd r = qr.matrixQR().topRows(unknowns).triangularView<Eigen::Upper>();
   const Eigen::VectorXd diagonal = r.diagonal().cwiseAbs();
   if (!(diagonal.minCoeff() > kLeastReciprocalCondition * diagonal.maxCoeff())) return {};
   const Eigen::VectorXcd rotated = qr.householderQ().adjoint() * regression.output;
-  const Eigen::VectorXcd theta = r.triangularView<Eigen::Upper>().solve(rotated.head(unknowns));
+  Eigen::VectorXcd theta = r.triangularView<Eigen::Upper>().solve(rotated.head(unknowns));
+  theta = theta.cwiseQuotient(scale.transpose().cast<Complex>());
   const auto freedom = static_cast<double>(rows - unknowns);
   const double noise = rotated.tail(rows - unknowns).squaredNorm() / freedom;
-  const double without_input = residual_power(regression.columns.rightCols(transients), regression.output) /
-                               static_cast<double>(rows - transients);
-  const double coherence = without_input > 0 ? std::clamp(1 - noise / without_input, 0.0, 1.0) : 0;
+  const double without_input =
+      residual_power(transient_columns, regression.output) / static_cast<double>(rows - transients);
 
-  std::vector<ResponsePoint> points;
-  for (const double x : {-kGaussNode, 0.0, kGaussNode}) {
+  WindowEstimate estimate{.noise = noise};
+  estimate.coherence = without_input > 0 ? std::clamp(1 - noise / without_input, 0.0, 1.0) : 0;
+  const std::vector<double> polynomial_nodes{-kGaussNode, 0.0, kGaussNode};
+  const std::vector<double> rational_nodes(kGaussNodes5.begin(), kGaussNodes5.end());
+  for (const double x : rational ? rational_nodes : polynomial_nodes) {
+    const Complex d = rational ? 1.0 + x * theta(unknowns - 2) + x * x * theta(unknowns - 1) : Complex(1);
+    const Complex gain = (theta(0) + x * theta(1) + x * x * theta(2)) / d;
+    // δG = (δN − G δD) / D;  Var = σ² vᴴ (KᴴK)⁻¹ v = σ² |R⁻ᴴ v|²
     Eigen::VectorXcd reading = Eigen::VectorXcd::Zero(unknowns);
-    reading(0) = 1;
-    reading(1) = x;
-    reading(2) = x * x;
-    // Var = σ² vᴴ (KᴴK)⁻¹ v = σ² |R⁻ᴴ v|²
-    const Eigen::VectorXcd spread = r.adjoint().triangularView<Eigen::Lower>().solve(reading);
-    points.push_back({.frequency_hz = window.centre_hz() + x * window.half_width_hz(),
-                      .gain = (theta(0) + x * theta(1) + x * x * theta(2)) / regression.input_scale,
-                      .std_error = std::sqrt(noise) * spread.norm() / regression.input_scale,
-                      .coherence = coherence,
-                      .degrees_of_freedom = freedom,
-                      .group = group});
+    reading(0) = 1.0 / d;
+    reading(1) = x / d;
+    reading(2) = x * x / d;
+    if (rational) {
+      reading(unknowns - 2) = -gain * x / d;
+      reading(unknowns - 1) = -gain * x * x / d;
+    }
+    const Eigen::VectorXcd scaled = reading.conjugate().cwiseQuotient(scale.transpose().cast<Complex>());
+    const Eigen::VectorXcd spread = r.adjoint().triangularView<Eigen::Lower>().solve(scaled);
+    estimate.points.push_back({.frequency_hz = window.centre_hz() + x * window.half_width_hz(),
+                               .gain = gain / regression.input_scale,
+                               .std_error = std::sqrt(noise) * spread.norm() / regression.input_scale,
+                               .coherence = estimate.coherence,
+                               .degrees_of_freedom = freedom,
+                               .group = group});
   }
-  return points;
+  return estimate;
+}
+
+/// A parabola where it describes the window, the local rational function where that leaves far less.
+std::vector<ResponsePoint> points_of(const Window& window, std::span<const RecordSpectra> records, int group) {
+  WindowEstimate polynomial = estimate_window(window, records, group, false);
+  if (polynomial.points.empty() || polynomial.coherence > kWellDescribed) return polynomial.points;
+  WindowEstimate rational = estimate_window(window, records, group, true);
+  if (rational.points.empty() || !(rational.noise < kResonanceLeaves * polynomial.noise)) return polynomial.points;
+  return rational.points;
 }
 
 }  // namespace

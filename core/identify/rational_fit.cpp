@@ -21,8 +21,9 @@ using Eigen::Index;
 constexpr double kTwoPi = 2 * std::numbers::pi;
 constexpr double kRelativeFloor = 1e-4;   // no stand's gain is known better than that
 constexpr double kFewImagesBelow = 0.15;  // of the sampling rate: there the images are a few percent
-constexpr int kFewImages = 2, kManyImages = 8;
-constexpr double kPoleReach = 100;  // poles lie within this factor of the band
+constexpr int kFewImages = 1, kManyImages = 4;
+constexpr double kReachBelow = 3;   // poles lie no further below the band: what is slower is a constant there
+constexpr double kReachAbove = 30;  // and no further above it
 constexpr double kLeastDamping = 1e-4;
 constexpr double kLargestStep = 1.0;  // e-folds of a pole's coefficient in one iteration
 constexpr double kConverged = 1e-8;   // relative change of the misfit
@@ -31,7 +32,7 @@ constexpr std::array<double, 5> kDelayShares{0, 0.2, 0.4, 0.6, 0.9};  // of all 
 constexpr int kVectorFittingIterations = 6;
 constexpr std::array<double, 4> kDelayMoves{-0.1, 0.05, 0.1, 0.2};
 constexpr std::size_t kScreened = 4;   // starts that are refined before the best is taken
-constexpr int kRounds = 4;             // of ways out of a local minimum
+constexpr int kRounds = 3;             // of ways out of a local minimum
 constexpr double kWorthARound = 1e-4;  // of the misfit
 constexpr std::array<double, 5> kSpreadShares{0.1, 0.3, 0.5, 0.7, 0.9};  // of the band, logarithmic
 
@@ -196,7 +197,7 @@ class Problem {
   Candidate moved(const Candidate& c, const Eigen::VectorXd& step) const {
     Candidate next = c;
     Index column = 0;
-    const double least = std::log(lowest_ / kPoleReach), most = std::log(highest_ * kPoleReach);
+    const double least = std::log(lowest_ / kReachBelow), most = std::log(highest_ * kReachAbove);
     for (Section& section : next.sections) {
       if (!section.single) section.log_a1 += std::clamp(step(column++), -kLargestStep, kLargestStep);
       section.log_a0 += std::clamp(step(column++), -kLargestStep, kLargestStep);
@@ -244,7 +245,8 @@ std::vector<Section> sections_from(std::vector<Complex> poles, int order, const 
   std::vector<Complex> pairs;
   for (const Complex& p : poles) {
     if (p.imag() > 0) pairs.push_back(p);
-    if (p.imag() == 0) real.push_back(std::clamp(-p.real(), problem.lowest() / 10, problem.highest() * 10));
+    if (p.imag() == 0)
+      real.push_back(std::clamp(-p.real(), problem.lowest() / kReachBelow, problem.highest() * kReachAbove));
   }
   const auto by_size = [](const Complex& a, const Complex& b) { return std::abs(a) < std::abs(b); };
   std::sort(pairs.begin(), pairs.end(), by_size);
