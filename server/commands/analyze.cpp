@@ -102,8 +102,7 @@ void append_responses(const Analysis& analysis, std::string& page) {
     if (result.fit_percent) page += fmt::format(", fit {:.2f} %", *result.fit_percent);
     page += "\n ";
     for (const ResponseFeature& feature : result.features) {
-      page +=
-          fmt::format(" {} {:.4g} {}", feature.name.substr(0, feature.name.rfind('_')), feature.value, feature.unit);
+      page += fmt::format(" {} {:.4g}", feature.name, feature.value);
     }
     page += "\n";
     if (result.amplitude_dependence) {
