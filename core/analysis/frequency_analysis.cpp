@@ -15,6 +15,7 @@ constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 constexpr double kAlikeShare = 0.1;         // of the amplitude: repeats of one test differ by less
 constexpr int kGridPerDecade = 200;         // on which features are read off the model
 constexpr double kRolloffFrom = 2;          // bandwidths
+constexpr double kRolloffTo = 8;            // two octaves further, so that the slope does not depend on the band
 constexpr double kShortestRolloff = 1.5;    // ratio of frequencies that gives a slope
 constexpr double kSettledShare = 0.2;       // the end of a hold
 constexpr std::size_t kShortestHold = 50;   // samples: a settled end of ten
@@ -138,25 +139,46 @@ double relative_error_near(const FrequencyResponse& response, double frequency_h
   return nearest->std_error / std::abs(nearest->gain) / std::numbers::sqrt2;
 }
 
-/// Slope and offset of y over x from `from` on, by least squares; NaN where the band is too short.
-struct Line {
-  double slope = kNone, offset = kNone;
+/// The part of a curve in which it rolls off, as indices; empty where the band is too short for a slope.
+struct Stretch {
+  std::size_t begin = 0, end = 0;
 };
-Line line_beyond(const Curve& curve, double from) {
-  if (!(curve.x.back() - from > std::log(kShortestRolloff))) return {};
+Stretch rolloff_of(const Curve& curve, double bandwidth) {
+  const double from = bandwidth + std::log(kRolloffFrom);
+  const double to = std::min(curve.x.back(), bandwidth + std::log(kRolloffTo));
+  if (!(to - from > std::log(kShortestRolloff))) return {};
+  const auto at = [&](double x) {
+    return static_cast<std::size_t>(std::lower_bound(curve.x.begin(), curve.x.end(), x) - curve.x.begin());
+  };
+  return {at(from), std::min(at(to) + 1, curve.x.size())};
+}
+
+/// dy/dx by least squares.
+double slope_of(const Curve& curve, const Stretch& stretch) {
   double n = 0, sx = 0, sy = 0, sxx = 0, sxy = 0;
-  for (std::size_t i = 0; i < curve.x.size(); ++i) {
-    if (curve.x[i] < from) continue;
+  for (std::size_t i = stretch.begin; i < stretch.end; ++i) {
     n += 1;
     sx += curve.x[i];
     sy += curve.y[i];
     sxx += curve.x[i] * curve.x[i];
     sxy += curve.x[i] * curve.y[i];
   }
-  Line line;
-  line.slope = (n * sxy - sx * sy) / (n * sxx - sx * sx);
-  line.offset = (sy - line.slope * sx) / n;
-  return line;
+  return (n * sxy - sx * sy) / (n * sxx - sx * sx);
+}
+
+/// Where Bode's asymptote of a stretch, of slope −m (20 m dB/decade, m whole), meets y = 0. It touches the curve where
+/// the curve's own slope is nearest to it: a lag seen an octave or two beyond its corner has not reached its asymptote,
+/// and a line through that stretch would meet y = 0 an eighth below the corner.
+double corner_of(const Curve& curve, const Stretch& stretch, double slope) {
+  const double m = std::max(1.0, std::round(-slope));
+  double nearest = std::numeric_limits<double>::infinity(), corner = kNone;
+  for (std::size_t i = stretch.begin + 1; i < stretch.end; ++i) {
+    const double own = (curve.y[i] - curve.y[i - 1]) / (curve.x[i] - curve.x[i - 1]);
+    if (std::abs(own + m) > nearest) continue;
+    nearest = std::abs(own + m);
+    corner = curve.x[i] + curve.y[i] / m;
+  }
+  return corner;
 }
 
 /// A hold entered by a step, in samples.
@@ -223,6 +245,21 @@ double feature_or(const FrequencyResult& result, const char* name, double otherw
   return found == result.features.end() ? otherwise : found->value;
 }
 
+/// Slope, corner and phase there; `add` takes name, value, standard error and unit.
+template <typename Add>
+void add_rolloff(const Curve& curve, double bandwidth, const Add& add) {
+  const Stretch stretch = rolloff_of(curve, bandwidth);
+  if (stretch.begin == stretch.end) return;
+  const double slope = slope_of(curve, stretch);
+  const double corner = corner_of(curve, stretch, slope);
+  if (slope < 0 && corner > curve.x.front() && corner < curve.x.back()) {
+    const auto at = std::lower_bound(curve.x.begin(), curve.x.end(), corner) - curve.x.begin();
+    add("corner_hz", std::exp(corner), kNone, "Hz");
+    add("phase_at_corner_deg", curve.phase[static_cast<std::size_t>(at)] * 180 / std::numbers::pi, kNone, "deg");
+  }
+  add("rolloff_db_per_decade", decibels(slope * std::numbers::ln10), kNone, "dB/decade");
+}
+
 }  // namespace
 
 std::vector<ResponseFeature> response_features(const FrequencyResponse& response, const ResponseModel& model) {
@@ -237,14 +274,7 @@ std::vector<ResponseFeature> response_features(const FrequencyResponse& response
   if (std::isfinite(x3)) {
     add("bandwidth_hz", bandwidth_hz, bandwidth_hz * relative_error_near(response, bandwidth_hz) / std::abs(slope),
         "Hz");
-    const Line line = line_beyond(curve, x3 + std::log(kRolloffFrom));
-    const double corner = -line.offset / line.slope;
-    if (line.slope < 0 && corner > curve.x.front() && corner < curve.x.back()) {
-      add("corner_hz", std::exp(corner), kNone, "Hz");
-      const auto at = std::lower_bound(curve.x.begin(), curve.x.end(), corner) - curve.x.begin();
-      add("phase_at_corner_deg", curve.phase[static_cast<std::size_t>(at)] * 180 / std::numbers::pi, kNone, "deg");
-    }
-    add("rolloff_db_per_decade", decibels(line.slope * std::numbers::ln10), kNone, "dB/decade");
+    add_rolloff(curve, x3, add);
   }
   const auto peak = std::max_element(curve.y.begin(), curve.y.end());
   add("resonance_peak_db", decibels(*peak), kNone, "dB");

@@ -43,8 +43,8 @@ std::vector<FrequencyResult> analyze_frequency(std::span<const Recording> record
 /// Features of a fitted response within its band.
 ///
 ///   bandwidth_hz             gain falls below 1/√2 of its value at the lowest frequency (−3 dB)
-///   corner_hz                where the roll-off's straight line meets that value
-///   rolloff_db_per_decade    slope of ln gain over ln f from twice the bandwidth on
+///   corner_hz                where Bode's asymptote of the roll-off (whole multiples of 20 dB/decade) meets that value
+///   rolloff_db_per_decade    slope of ln gain over ln f from twice the bandwidth to eight times, or the band's end
 ///   resonance_peak_db, resonance_hz   largest gain over that at the lowest frequency; 0 dB without one
 ///   phase_at_corner_deg      at corner_hz, from the phase at the lowest frequency
 ///   delay_s                  of the model

@@ -14,7 +14,6 @@ using Complex = std::complex<double>;
 constexpr int kFolds = 5;
 constexpr int kFoldIterations = 6;     // from the fit to all points a fold's own optimum is near
 constexpr double kIndifferent = 0.01;  // of the squared error: half a percent of rms
-constexpr double kWorthAZero = 2;      // of AICc: what one useless parameter costs
 
 /// One order fitted to all points and judged on each fold.
 struct Scored {
@@ -55,9 +54,9 @@ ResponseModel model_of(const AsymptoticFit& fit, std::size_t points) {
   return model;
 }
 
-double akaike(double misfit, double values, double parameters) {
-  return values * std::log(std::max(misfit, 1e-300) / values) + 2 * parameters +
-         2 * parameters * (parameters + 1) / std::max(1.0, values - parameters - 1);
+/// Schwarz's criterion with the noise's size unknown.
+double schwarz(double misfit, double values, double parameters) {
+  return values * std::log(std::max(misfit, 1e-300) / values) + parameters * std::log(values);
 }
 
 /// Points of one group stay together; groups take turns.
@@ -123,13 +122,13 @@ class Chooser {
     return scored;
   }
 
-  /// AICc of a model fitted to all points.
+  /// BIC of a model fitted to all points.
   double criterion(const ResponseModel& model) const {
     const auto n = static_cast<double>(response_.points.size());
     const auto roots = static_cast<double>(model.transfer_function.poles.size() + model.transfer_function.zeros.size());
-    if (!rational()) return akaike(2 * model.steps->v, n, roots + 1);
+    if (!rational()) return schwarz(2 * model.steps->v, n, roots + 1);
     const double parameters = roots + 2;
-    return akaike(model.misfit_per_freedom * (2 * n - parameters), 2 * n, parameters);
+    return schwarz(model.misfit_per_freedom * (2 * n - parameters), 2 * n, parameters);
   }
 
   Result<ResponseModel> fit(int order, int zeros) const {
@@ -139,14 +138,14 @@ class Chooser {
     return model_of(std::move(*fitted));
   }
 
-  /// How many zeros an order begins with: as asked for, else one fewer than poles, or what AICc prefers where all are
+  /// How many zeros an order begins with: as asked for, else one fewer than poles, or what BIC prefers where all are
   /// there already.
   int zeros_for(int order) const {
     if (options_.zeros) return std::min(*options_.zeros, order);
     if (rational()) return order - 1;
     int best = 0;
     for (int zeros = 1; zeros <= order; ++zeros) {
-      if (criterion(*fit(order, zeros)) < criterion(*fit(order, best)) - kWorthAZero) best = zeros;
+      if (criterion(*fit(order, zeros)) < criterion(*fit(order, best))) best = zeros;
     }
     return best;
   }
@@ -191,7 +190,17 @@ std::size_t best_of(const std::vector<Scored>& scored) {
   return static_cast<std::size_t>(best - scored.begin());
 }
 
-std::size_t simplest_of(const std::vector<Scored>& scored, std::size_t best) {
+/// The order of lowest BIC.
+std::size_t likeliest_of(const std::vector<Scored>& scored) {
+  const auto lowest = std::min_element(scored.begin(), scored.end(), [](const Scored& a, const Scored& b) {
+    return a.line.criterion < b.line.criterion;
+  });
+  return static_cast<std::size_t>(lowest - scored.begin());
+}
+
+/// The smallest order that predicts as well as the best.
+std::size_t simplest_of(const std::vector<Scored>& scored) {
+  const std::size_t best = best_of(scored);
   for (std::size_t i = 0; i < best; ++i) {
     const double worse = scored[i].mean() - scored[best].mean();
     if (worse < std::max(kIndifferent, difference_error(scored[i], scored[best]))) return i;
@@ -199,38 +208,42 @@ std::size_t simplest_of(const std::vector<Scored>& scored, std::size_t best) {
   return best;
 }
 
-/// Zeros taken away one by one as long as AICc does not object.
+/// Zeros taken away one by one as long as BIC does not object.
 Result<ResponseModel> with_fewest_zeros(const Chooser& chooser, ResponseModel model, int order, int zeros) {
   double criterion = chooser.criterion(model);
   for (int fewer = zeros - 1; fewer >= 0; --fewer) {
     auto smaller = chooser.fit(order, fewer);
     if (!smaller) return smaller;
     const double other = chooser.criterion(*smaller);
-    if (other > criterion + kWorthAZero) break;
-    criterion = std::min(criterion, other);
+    if (other > criterion) break;
+    criterion = other;
     model = std::move(*smaller);
   }
   return model;
 }
 
-std::string reason_for(const std::vector<Scored>& scored, std::size_t best, std::size_t simplest) {
-  const auto lowest = std::min_element(scored.begin(), scored.end(), [](const Scored& a, const Scored& b) {
-    return a.line.criterion < b.line.criterion;
-  });
-  const std::string held_out = best == simplest
-                                   ? std::string("has the smallest error at held-out frequencies")
-                                   : fmt::format(
-                                         "is the smallest whose error at held-out frequencies is not worse than "
-                                         "order {}'s by more than its scatter",
-                                         scored[best].line.order);
-  return fmt::format("order {} {}; AICc is lowest at order {}", scored[simplest].line.order, held_out,
-                     lowest->line.order);
+std::string reason_for(const std::vector<Scored>& scored, std::size_t simplest, std::size_t likeliest) {
+  const int best = scored[best_of(scored)].line.order;
+  const int predicting = scored[simplest].line.order, likely = scored[likeliest].line.order;
+  if (likely < predicting) {
+    return fmt::format(
+        "BIC is lowest at order {}; what order {} gains at held-out frequencies is not worth its parameters", likely,
+        predicting);
+  }
+  if (predicting == best) {
+    return fmt::format("order {} has the smallest error at held-out frequencies; BIC is lowest at order {}", best,
+                       likely);
+  }
+  return fmt::format(
+      "order {} is the smallest whose error at held-out frequencies is not worse than order {}'s by more than its "
+      "scatter; BIC is lowest at order {}",
+      predicting, best, likely);
 }
 
-void judge_order_asked_for(const std::vector<Scored>& scored, std::size_t simplest, int order,
+void judge_order_asked_for(const std::vector<Scored>& scored, std::size_t supported, int order,
                            std::vector<std::string>& notes) {
   const Scored& own = scored[static_cast<std::size_t>(order - 1)];
-  const Scored& enough = scored[simplest];
+  const Scored& enough = scored[supported];
   if (enough.line.order == order) return;
   if (enough.line.order > order) {
     notes.push_back(fmt::format("order {} leaves something: held-out error {:.4g} against {:.4g} at order {}", order,
@@ -241,7 +254,7 @@ void judge_order_asked_for(const std::vector<Scored>& scored, std::size_t simple
       fmt::format("the data do not support order {}: order {} predicts held-out frequencies as well "
                   "({:.4g} against {:.4g}){}",
                   order, enough.line.order, enough.line.rmse_heldout, own.line.rmse_heldout,
-                  own.line.criterion > enough.line.criterion ? ", and AICc prefers it" : ""));
+                  own.line.criterion > enough.line.criterion ? ", and BIC prefers it" : ""));
 }
 
 }  // namespace
@@ -268,15 +281,16 @@ Result<ResponseOrderChoice> choose_response_order(const FrequencyResponse& respo
     if (!one) return tl::unexpected(one.error());
     scored.push_back(std::move(*one));
   }
-  const std::size_t best = best_of(scored), simplest = simplest_of(scored, best);
+  const std::size_t simplest = simplest_of(scored), likeliest = likeliest_of(scored);
+  const std::size_t supported = std::min(simplest, likeliest);
   ResponseOrderChoice choice;
-  std::size_t taken = simplest;
+  std::size_t taken = supported;
   if (options.order && static_cast<std::size_t>(*options.order) <= scored.size()) {
     taken = static_cast<std::size_t>(*options.order - 1);
     choice.reason = "as asked for";
-    judge_order_asked_for(scored, simplest, *options.order, choice.notes);
+    judge_order_asked_for(scored, supported, *options.order, choice.notes);
   } else {
-    choice.reason = reason_for(scored, best, simplest);
+    choice.reason = reason_for(scored, simplest, likeliest);
   }
   for (const Scored& one : scored) choice.tried.push_back(one.line);
   choice.model = std::move(scored[taken].model);

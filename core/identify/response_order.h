@@ -25,10 +25,10 @@ struct ResponseModel {
 
 /// One order's line of the table.
 ///
-/// rmse_heldout  rms of |H − G| (asymptotic: of |H| − |G|) at frequencies that took no part in the fit, unit of the
-/// gain criterion     Akaike's with the correction for few data, AICc = n ln(misfit / n) + 2p + 2p (p + 1) / (n − p −
-/// 1);
-///               only differences mean anything
+/// rmse_heldout  rms of |H − G| (asymptotic: of |H| − |G|) at frequencies that took no part in the fit [unit of gain]
+/// criterion     Schwarz's, BIC = n ln(misfit / n) + p ln n with n the real values fitted, so that the size of the
+///               standard errors does not matter; only differences mean anything
+/// order, zeros, delay_s  of the model fitted to all points
 struct TriedResponseOrder {
   int order = 0;
   int zeros = 0;
@@ -53,10 +53,10 @@ struct ResponseOrderChoice {
 
 /// Order, number of zeros and the model of a frequency response.
 ///
-/// Held out in turn: every fifth group of points (points of one window together), the model refitted to the rest. The
-/// smallest order is taken whose held-out error, the mean over folds of ln Σ |H − G|² / σ², is within one standard
-/// error or half a percent of the best (Breiman and others 1984); AICc stands beside it. Then the fewest zeros that
-/// AICc does not object to. An order asked for is taken, and the note says when a smaller one does as well.
+/// Held out in turn: every fifth group of points (of one window), refitted from the whole fit. Taken is the smallest
+/// order whose held-out error (mean over folds of ln Σ |H − G|² / σ²) is within a standard error or half a percent of
+/// the best (Breiman and others 1984), or that of lowest BIC if smaller, for poles may sit on left-out points' noise;
+/// then the fewest zeros by BIC. An order asked for is taken, and the note says when a smaller one does as well.
 ///
 /// Errors  as fit_rational and fit_asymptotic
 /// Cost    rational, nine orders at 75 frequencies: some 0.2 s; pure

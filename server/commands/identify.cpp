@@ -106,7 +106,7 @@ void print_continuous(const Identification& id) {
         "steps: asymptote J = {:.4g} (Eqs 4 to 6), V = {:.4g} from its breakpoints, {:.4g} at the minimum (Eq 1)\n",
         model.steps->j, model.steps->v_start, model.steps->v);
   }
-  fmt::print("\ntried    order  zeros    delay_s  held-out rmse   AICc\n");
+  fmt::print("\ntried    order  zeros    delay_s  held-out rmse    BIC\n");
   for (const TriedResponseOrder& one : id.frequency->tried) {
     fmt::print("         {:>5}  {:>5}  {:>9.5g}  {:>13.5g}  {:>7.1f}\n", one.order, one.zeros, one.delay_s,
                one.rmse_heldout, one.criterion);

@@ -65,7 +65,7 @@ Json tried_json(const std::vector<TriedResponseOrder>& tried) {
                         {"zeros", one.zeros},
                         {"delay_s", one.delay_s},
                         {"rmse_heldout", number(one.rmse_heldout)},
-                        {"aicc", number(one.criterion)}});
+                        {"bic", number(one.criterion)}});
   }
   return list;
 }

@@ -42,7 +42,7 @@ Json tried_json(const std::vector<TriedResponseOrder>& tried) {
                         {"delay_s", one.delay_s},
                         {"rmse_heldout", one.rmse_heldout},
                         {"zeros", one.zeros},
-                        {"aicc", one.criterion}});
+                        {"bic", one.criterion}});
   }
   return list;
 }
