@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "core/analysis/frequency_analysis.h"
 #include "core/discrepancy/discrepancy.h"
 #include "core/model/model.h"
 #include "core/model/reference.h"
@@ -56,6 +57,7 @@ struct Simulation {
   Eq20Window window;  ///< on which the figures by level were taken
   std::vector<LevelFigures> by_level;
   std::vector<RecordingFigures> per_recording;
+  std::optional<double> cross_domain_rmse;  ///< of a sweep's transfer function on the steps; empty without both
 };
 
 /// Why there is no verdict. Names as in the contract.
@@ -86,6 +88,7 @@ struct Analysis {
   Simulation simulation;
   std::optional<Discrepancy> discrepancy;  ///< empty: not looked for
   Model extended_model;                    ///< the baseline's model where nothing was added
+  std::vector<FrequencyResult> frequency_response;  ///< by rising amplitude
   ClassificationResult classification;
   /// What `series` shows: free runs on each recording's grid, not part of the JSON document.
   std::vector<std::vector<double>> simulated;

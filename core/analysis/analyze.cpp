@@ -318,6 +318,8 @@ Result<Analysis> analyze(std::span<const Recording> recordings, const AnalysisOp
                                             .feedback = any_feedback(recordings),
                                             .unstable = runs->unstable},
                                            options.rule_base);
+  analysis.frequency_response = analyze_frequency(recordings);
+  analysis.simulation.cross_domain_rmse = cross_domain_rmse(recordings, analysis.frequency_response);
   analysis.simulated = std::move(runs->baseline);
   analysis.extended = std::move(runs->extended);
   if (analysis.extended.empty()) analysis.extended_model = analysis.baseline.model;

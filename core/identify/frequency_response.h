@@ -92,6 +92,10 @@ inline constexpr std::size_t kFewestResponsePoints = 8;
 /// one window are uncorrelated: three points carry all that the window knows. Windows do not overlap; they are at least
 /// 12 lines wide and grow with frequency. The standard error comes from the window's own residual.
 ///
+/// Where a parabola leaves much and a rational function of second order, Y D = N U + T with D = 1 + d_1 x + d_2 x²
+/// (McKelvey and Guérin, SYSID 2012), leaves less than half, the window holds a resonance and is read from that, at
+/// five nodes.
+///
 /// Periodic input (two periods or more): the excited lines one by one; transient and noise from the lines between
 /// harmonics, distortion from harmonics left empty; the standard error holds both.
 ///

@@ -115,8 +115,46 @@ Result<void> identify_by_output_error(std::span<const Recording* const> recordin
   return {};
 }
 
+Result<void> identify_by_response(std::span<const Recording* const> recordings, const IdentifyOptions& options,
+                                  Identification& result) {
+  if (options.delay_samples) {
+    return fail("bad_option", "the delay of a frequency response is fitted in seconds: leave out --delay-samples");
+  }
+  auto response = estimate_frequency_response(recordings);
+  if (!response) return tl::unexpected(response.error());
+  ResponseOrderOptions order;
+  order.kind =
+      options.method == IdentificationMethod::kRational ? ResponseModelKind::kRational : ResponseModelKind::kAsymptotic;
+  order.order = options.order;
+  order.zeros = options.zeros;
+  auto choice = choose_response_order(*response, order);
+  if (!choice) return tl::unexpected(choice.error());
+  const ResponseModel& model = choice->model;
+  result.transfer_function = model.transfer_function;
+  result.structure.order = static_cast<int>(model.transfer_function.poles.size());
+  result.structure.zeros = static_cast<int>(model.transfer_function.zeros.size());
+  result.structure.delay_samples = 0;
+  result.std_errors.static_gain = model.static_gain_std_error;
+  result.static_gain = model.static_gain;
+  result.order_reason = choice->reason;
+  result.notes = choice->notes;
+  result.termination = to_string(model.termination);
+  for (const UnusableBand& band : response->unusable) {
+    result.notes.push_back(
+        fmt::format("no response from {:.4g} to {:.4g} Hz: {}", band.from_hz, band.to_hz, band.reason));
+  }
+  if (auto run = free_run_of_response(recordings, result.transfer_function, response->hold))
+    result.run = std::move(*run);
+  result.frequency = FrequencyIdentification{std::move(*response), std::move(choice->model), std::move(choice->tried)};
+  return {};
+}
+
+bool works_on_a_response(IdentificationMethod method) {
+  return method == IdentificationMethod::kAsymptotic || method == IdentificationMethod::kRational;
+}
+
 void judge(std::span<const Recording* const> recordings, Identification& result) {
-  result.static_gain = static_gain_of(result.coefficients);
+  if (!result.frequency) result.static_gain = static_gain_of(result.coefficients);
   result.stable = is_stable(result.transfer_function);
   if (!result.stable) {
     double largest = 0;
@@ -125,7 +163,7 @@ void judge(std::span<const Recording* const> recordings, Identification& result)
         fmt::format("unstable: the largest pole has modulus {:.4f}, so no free run is made", largest));
     return;
   }
-  if (!result.run) {
+  if (!result.run && !result.frequency) {
     if (auto run = free_run(recordings, result.coefficients)) result.run = std::move(*run);
   }
   if (auto step = step_metrics(result.transfer_function)) result.step = *step;
@@ -147,6 +185,10 @@ std::string to_string(IdentificationMethod method) {
       return "arx";
     case IdentificationMethod::kOutputError:
       return "oe";
+    case IdentificationMethod::kAsymptotic:
+      return "asymptotic";
+    case IdentificationMethod::kRational:
+      return "rational";
   }
   return "unknown";
 }
@@ -157,7 +199,27 @@ double Identification::output_offset() const {
   return sum / static_cast<double>(run->output_offsets.size());
 }
 
+Result<FreeRun> free_run_of_response(std::span<const Recording* const> recordings, const TransferFunction& continuous,
+                                     Hold hold) {
+  const double period_s = recordings.front()->sample_period_s;
+  const auto sampled =
+      hold == Hold::kLinear ? discretise_foh(continuous, period_s) : discretise_zoh(continuous, period_s);
+  if (!sampled) return tl::unexpected(sampled.error());
+  const auto coefficients = to_coefficients(*sampled);
+  if (!coefficients) return tl::unexpected(coefficients.error());
+  return free_run(recordings, *coefficients);
+}
+
 Result<Identification> identify(std::span<const Recording* const> recordings, const IdentifyOptions& options) {
+  if (works_on_a_response(options.method)) {
+    Identification result;
+    result.method = options.method;
+    result.input_unit = recordings.front()->input.unit;
+    result.output_unit = recordings.front()->output.unit;
+    if (auto done = identify_by_response(recordings, options, result); !done) return tl::unexpected(done.error());
+    judge(recordings, result);
+    return result;
+  }
   auto choice = structure_for(recordings, options);
   if (!choice) return tl::unexpected(choice.error());
   Identification result;
@@ -177,6 +239,9 @@ Result<Identification> identify(std::span<const Recording* const> recordings, co
     case IdentificationMethod::kOutputError:
       done = identify_by_output_error(recordings, options, *choice, result);
       break;
+    case IdentificationMethod::kAsymptotic:
+    case IdentificationMethod::kRational:
+      break;  // above
   }
   if (!done) return tl::unexpected(done.error());
   result.tried = std::move(choice->tried);

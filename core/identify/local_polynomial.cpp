@@ -1,6 +1,9 @@
 #include <Eigen/Dense>
 #include <algorithm>
+#include <array>
+#include <boost/math/distributions/fisher_f.hpp>
 #include <cmath>
+#include <optional>
 
 #include "core/identify/response_spectra.h"
 
@@ -16,6 +19,15 @@ constexpr double kExcitedOfStrongest = 1e-5;  // power of a window over that of 
 constexpr double kLeastRough = 0.05;          // share of the input's power that no transient could imitate
 constexpr double kFirstLineOfWindow = 0.25;   // power of the first line over the strongest of the dozen behind it
 constexpr double kLeastReciprocalCondition = 1e-5;
+constexpr double kWellDescribed = 0.999;  // coherence above which a parabola needs no rival
+constexpr double kResonanceLeaves = 0.5;  // of the parabola's noise: else the window holds no resonance
+constexpr double kChance = 1e-4;          // of calling a window's noise a resonance
+constexpr int kPasses = 3;                // of the local rational function's weights
+constexpr double kLeastDenominator = 1e-3;
+constexpr std::array<double, 3> kGaussNodes3{-kGaussNode, 0, kGaussNode};
+// Five complex unknowns of a local rational function: as many nodes (Gauss-Legendre) carry what it knows.
+constexpr std::array<double, 5> kGaussNodes5{-0.9061798459386640, -0.5384693101056831, 0, 0.5384693101056831,
+                                             0.9061798459386640};
 
 struct Window {
   double from_hz = 0;
@@ -73,6 +85,7 @@ std::vector<Window> windows_of(const RecordSpectra& record, double highest_hz, i
 struct Regression {
   Eigen::MatrixXcd columns;
   Eigen::VectorXcd output;
+  Eigen::VectorXd abscissa;  ///< −1 to 1 across the window
   double input_scale = 1;
 };
 
@@ -86,6 +99,7 @@ Regression regression_of(const Window& window, std::span<const RecordSpectra> re
   Regression regression;
   regression.columns = Eigen::MatrixXcd::Zero(rows, static_cast<Index>(kTerms) + transients);
   regression.output.resize(rows);
+  regression.abscissa.resize(rows);
   regression.input_scale = std::sqrt(std::max(input_power(window, records), 1e-300));
   Index row = 0;
   for (std::size_t r = 0; r < records.size(); ++r) {
@@ -99,6 +113,7 @@ Regression regression_of(const Window& window, std::span<const RecordSpectra> re
         regression.columns(row, transient + term) = power;
       }
       regression.output(row) = records[r].output[k];
+      regression.abscissa(row) = x;
     }
   }
   return regression;
@@ -110,43 +125,121 @@ double residual_power(const Eigen::MatrixXcd& columns, const Eigen::VectorXcd& o
   return rotated.tail(rotated.size() - columns.cols()).squaredNorm();
 }
 
-/// The three points of one window; none where its equations do not tell gain and transient apart.
-std::vector<ResponsePoint> points_of(const Window& window, std::span<const RecordSpectra> records, int group) {
-  const Regression regression = regression_of(window, records);
-  const Index unknowns = regression.columns.cols(), rows = regression.columns.rows();
-  const auto transients = unknowns - static_cast<Index>(kTerms);
+/// What one window gives: its points, and its residual by which ways are compared.
+struct WindowEstimate {
+  std::vector<ResponsePoint> points;
+  double residual = 0;  ///< Σ |V|²
+  double freedom = 0;   ///< complex ones
+  double coherence = 0;
+  double noise() const { return residual / freedom; }
+};
+
+/// The equations of a window solved by least squares, columns brought to one length.
+struct WindowSolution {
+  Eigen::VectorXcd theta;
+  Eigen::MatrixXcd triangle;  ///< R of the scaled columns
+  Eigen::RowVectorXd scale;
+  double residual = 0;
+
+  /// √(vᴴ (KᴴK)⁻¹ v) of a reading v of the unknowns, |R⁻ᴴ v|.
+  double spread(const Eigen::VectorXcd& reading) const {
+    const Eigen::VectorXcd scaled = reading.conjugate().cwiseQuotient(scale.transpose().cast<Complex>());
+    return triangle.adjoint().triangularView<Eigen::Lower>().solve(scaled).norm();
+  }
+};
+
+/// Nothing where the equations do not tell gain and transient apart.
+std::optional<WindowSolution> solve(const Eigen::MatrixXcd& columns, const Eigen::VectorXcd& output) {
+  WindowSolution solution;
+  const Index unknowns = columns.cols();
+  solution.scale = columns.colwise().norm().cwiseMax(1e-300);
+  const Eigen::HouseholderQR<Eigen::MatrixXcd> qr(columns * solution.scale.cwiseInverse().asDiagonal());
+  solution.triangle = qr.matrixQR().topRows(unknowns).triangularView<Eigen::Upper>();
+  const Eigen::VectorXd diagonal = solution.triangle.diagonal().cwiseAbs();
+  if (!(diagonal.minCoeff() > kLeastReciprocalCondition * diagonal.maxCoeff())) return std::nullopt;
+  const Eigen::VectorXcd rotated = qr.householderQ().adjoint() * output;
+  solution.theta = solution.triangle.triangularView<Eigen::Upper>().solve(rotated.head(unknowns));
+  solution.theta = solution.theta.cwiseQuotient(solution.scale.transpose().cast<Complex>());
+  solution.residual = rotated.tail(output.size() - unknowns).squaredNorm();
+  return solution;
+}
+
+/// Y D = N U + T with D = 1 + d_1 x + d_2 x², the two unknowns of D last (McKelvey and Guérin, SYSID 2012).
+///
+/// Its residual is V D: noise alone would buy itself a small one by a D that is small where the noise is. So rows are
+/// divided by |D| of the pass before (Sanathanan and Koerner, IEEE Trans. AC 8, 1963) and the residual is V's own, as
+/// the parabola's is.
+std::optional<WindowSolution> solve_rational(const Regression& regression) {
+  const Index rows = regression.columns.rows(), unknowns = regression.columns.cols() + 2;
+  Eigen::MatrixXcd columns(rows, unknowns);
+  columns.leftCols(unknowns - 2) = regression.columns;
+  columns.col(unknowns - 2) = -regression.output.cwiseProduct(regression.abscissa);
+  columns.col(unknowns - 1) = columns.col(unknowns - 2).cwiseProduct(regression.abscissa);
+  Eigen::VectorXd weight = Eigen::VectorXd::Ones(rows);
+  std::optional<WindowSolution> solution;
+  for (int pass = 0; pass < kPasses; ++pass) {
+    solution = solve(weight.asDiagonal() * columns, weight.cwiseProduct(regression.output));
+    if (!solution) return solution;
+    const Complex d1 = solution->theta(unknowns - 2), d2 = solution->theta(unknowns - 1);
+    for (Index i = 0; i < rows; ++i) {
+      const double x = regression.abscissa(i);
+      weight(i) = 1 / std::max(kLeastDenominator, std::abs(1.0 + x * d1 + x * x * d2));
+    }
+  }
+  return solution;
+}
+
+/// G = N / D read at the nodes of a window.
+WindowEstimate estimate_window(const Window& window, const Regression& regression, int group, bool rational) {
+  const Index rows = regression.columns.rows(), unknowns = regression.columns.cols() + (rational ? 2 : 0);
+  const auto terms = static_cast<Index>(kTerms);
   if (rows <= unknowns) return {};
+  const Eigen::MatrixXcd transient_columns = regression.columns.rightCols(regression.columns.cols() - terms);
   // Beyond the end of a sweep its spectrum is as smooth as a transient's: nothing tells the two apart.
   const Eigen::VectorXcd input = regression.columns.col(0);
-  if (residual_power(regression.columns.rightCols(transients), input) < kLeastRough * input.squaredNorm()) return {};
-  const Eigen::HouseholderQR<Eigen::MatrixXcd> qr(regression.columns);
-  const Eigen::MatrixXcd r = qr.matrixQR().topRows(unknowns).triangularView<Eigen::Upper>();
-  const Eigen::VectorXd diagonal = r.diagonal().cwiseAbs();
-  if (!(diagonal.minCoeff() > kLeastReciprocalCondition * diagonal.maxCoeff())) return {};
-  const Eigen::VectorXcd rotated = qr.householderQ().adjoint() * regression.output;
-  const Eigen::VectorXcd theta = r.triangularView<Eigen::Upper>().solve(rotated.head(unknowns));
-  const auto freedom = static_cast<double>(rows - unknowns);
-  const double noise = rotated.tail(rows - unknowns).squaredNorm() / freedom;
-  const double without_input = residual_power(regression.columns.rightCols(transients), regression.output) /
-                               static_cast<double>(rows - transients);
-  const double coherence = without_input > 0 ? std::clamp(1 - noise / without_input, 0.0, 1.0) : 0;
+  if (residual_power(transient_columns, input) < kLeastRough * input.squaredNorm()) return {};
+  const auto solution = rational ? solve_rational(regression) : solve(regression.columns, regression.output);
+  if (!solution) return {};
+  const Eigen::VectorXcd& theta = solution->theta;
 
-  std::vector<ResponsePoint> points;
-  for (const double x : {-kGaussNode, 0.0, kGaussNode}) {
-    Eigen::VectorXcd reading = Eigen::VectorXcd::Zero(unknowns);
-    reading(0) = 1;
-    reading(1) = x;
-    reading(2) = x * x;
-    // Var = σ² vᴴ (KᴴK)⁻¹ v = σ² |R⁻ᴴ v|²
-    const Eigen::VectorXcd spread = r.adjoint().triangularView<Eigen::Lower>().solve(reading);
-    points.push_back({.frequency_hz = window.centre_hz() + x * window.half_width_hz(),
-                      .gain = (theta(0) + x * theta(1) + x * x * theta(2)) / regression.input_scale,
-                      .std_error = std::sqrt(noise) * spread.norm() / regression.input_scale,
-                      .coherence = coherence,
-                      .degrees_of_freedom = freedom,
-                      .group = group});
+  WindowEstimate estimate{.residual = solution->residual, .freedom = static_cast<double>(rows - unknowns)};
+  const double without_input =
+      residual_power(transient_columns, regression.output) / static_cast<double>(rows - transient_columns.cols());
+  if (without_input > 0) estimate.coherence = std::clamp(1 - estimate.noise() / without_input, 0.0, 1.0);
+  const std::span<const double> nodes = rational ? std::span<const double>(kGaussNodes5) : kGaussNodes3;
+  for (const double x : nodes) {
+    const Complex d = rational ? 1.0 + x * theta(unknowns - 2) + x * x * theta(unknowns - 1) : Complex(1);
+    const Complex gain = (theta(0) + x * theta(1) + x * x * theta(2)) / d;
+    Eigen::VectorXcd reading = Eigen::VectorXcd::Zero(unknowns);  // δG = (δN − G δD) / D
+    reading.head(3) << 1.0 / d, x / d, x * x / d;
+    if (rational) reading.tail(2) << -gain * x / d, -gain * x * x / d;
+    estimate.points.push_back(
+        {.frequency_hz = window.centre_hz() + x * window.half_width_hz(),
+         .gain = gain / regression.input_scale,
+         .std_error = std::sqrt(estimate.noise()) * solution->spread(reading) / regression.input_scale,
+         .coherence = estimate.coherence,
+         .degrees_of_freedom = estimate.freedom,
+         .group = group});
   }
-  return points;
+  return estimate;
+}
+
+/// Whether the rational function describes a window better than chance lets it: F of its two further complex unknowns,
+/// and less than half of the noise. A dozen lines of one record leave six freedoms: halves come about by chance there.
+bool holds_a_resonance(const WindowEstimate& parabola, const WindowEstimate& rational) {
+  if (rational.points.empty() || !(rational.noise() < kResonanceLeaves * parabola.noise())) return false;
+  const double further = 2 * (parabola.freedom - rational.freedom), left = 2 * rational.freedom;
+  const double f = (parabola.residual - rational.residual) / further / std::max(rational.residual / left, 1e-300);
+  return boost::math::cdf(boost::math::complement(boost::math::fisher_f(further, left), f)) < kChance;
+}
+
+/// A parabola where it describes the window, the local rational function where it is plainly none.
+std::vector<ResponsePoint> points_of(const Window& window, std::span<const RecordSpectra> records, int group) {
+  const Regression regression = regression_of(window, records);
+  WindowEstimate parabola = estimate_window(window, regression, group, false);
+  if (parabola.points.empty() || parabola.coherence > kWellDescribed) return parabola.points;
+  WindowEstimate rational = estimate_window(window, regression, group, true);
+  return holds_a_resonance(parabola, rational) ? rational.points : parabola.points;
 }
 
 }  // namespace

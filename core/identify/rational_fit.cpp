@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <numbers>
 #include <numeric>
@@ -21,17 +22,19 @@ using Eigen::Index;
 constexpr double kTwoPi = 2 * std::numbers::pi;
 constexpr double kRelativeFloor = 1e-4;   // no stand's gain is known better than that
 constexpr double kFewImagesBelow = 0.15;  // of the sampling rate: there the images are a few percent
-constexpr int kFewImages = 2, kManyImages = 8;
-constexpr double kPoleReach = 100;  // poles lie within this factor of the band
+constexpr int kFewImages = 1, kManyImages = 4;
+constexpr double kReachBelow = 3;   // poles lie no further below the band: what is slower is a constant there
+constexpr double kReachAbove = 30;  // and no further above it
 constexpr double kLeastDamping = 1e-4;
 constexpr double kLargestStep = 1.0;  // e-folds of a pole's coefficient in one iteration
 constexpr double kConverged = 1e-8;   // relative change of the misfit
+constexpr int kFirstIterations = 3;   // of every way out
 constexpr int kScreenIterations = 8;  // after which one start is enough to tell
 constexpr std::array<double, 5> kDelayShares{0, 0.2, 0.4, 0.6, 0.9};  // of all the phase
-constexpr int kVectorFittingIterations = 6;
+constexpr int kVectorFittingIterations = 12;                          // fewer where the poles stand still
 constexpr std::array<double, 4> kDelayMoves{-0.1, 0.05, 0.1, 0.2};
 constexpr std::size_t kScreened = 4;   // starts that are refined before the best is taken
-constexpr int kRounds = 4;             // of ways out of a local minimum
+constexpr int kRounds = 3;             // of ways out of a local minimum
 constexpr double kWorthARound = 1e-4;  // of the misfit
 constexpr std::array<double, 5> kSpreadShares{0.1, 0.3, 0.5, 0.7, 0.9};  // of the band, logarithmic
 
@@ -88,6 +91,7 @@ class Problem {
       const double sigma = std::hypot(p.std_error, floor) / gain_scale_;
       weight_.push_back(std::numbers::sqrt2 / sigma);
       target_.push_back(p.gain / gain_scale_);
+      omega_.push_back(kTwoPi * p.frequency_hz / omega_scale_);
       const Complex own = images > 0 ? hold_factor(response.hold, p.frequency_hz, response.sample_period_s) : 1;
       for (int l = -images; l <= images; ++l) {
         const double f = images > 0 ? p.frequency_hz + l / response.sample_period_s : p.frequency_hz;
@@ -97,7 +101,7 @@ class Problem {
     }
     for (int j = 0; j < options.zeros; ++j) {
       const double share = (j + 0.5) / options.zeros;
-      corners_.push_back(lowest_ * std::pow(highest_ / lowest_, share));
+      corners_.push_back(at_share_of_band(share));
     }
   }
 
@@ -107,6 +111,13 @@ class Problem {
   double lowest() const { return lowest_; }
   double highest() const { return highest_; }
   double phase_delay() const { return phase_delay_; }
+  /// The narrowest resonance that the points resolve: 2 |Re p| no less than they lie apart there.
+  double least_log_a1(double log_a0) const {
+    const double omega = std::exp(0.5 * log_a0);
+    auto above = std::upper_bound(omega_.begin() + 1, omega_.end() - 1, omega);
+    return std::log(std::max(2 * kLeastDamping * omega, *above - *(above - 1)));
+  }
+  double at_share_of_band(double share) const { return lowest_ * std::pow(highest_ / lowest_, share); }
   const std::vector<double>& corners() const { return corners_; }
   Index parameters(const Candidate& c) const {
     return pole_parameters(c) + static_cast<Index>(c.numerator.size()) + (options_.fit_delay ? 1 : 0);
@@ -196,14 +207,14 @@ class Problem {
   Candidate moved(const Candidate& c, const Eigen::VectorXd& step) const {
     Candidate next = c;
     Index column = 0;
-    const double least = std::log(lowest_ / kPoleReach), most = std::log(highest_ * kPoleReach);
+    const double least = std::log(lowest_ / kReachBelow), most = std::log(highest_ * kReachAbove);
     for (Section& section : next.sections) {
       if (!section.single) section.log_a1 += std::clamp(step(column++), -kLargestStep, kLargestStep);
       section.log_a0 += std::clamp(step(column++), -kLargestStep, kLargestStep);
       const double power = section.single ? 1 : 2;
       section.log_a0 = std::clamp(section.log_a0, power * least, power * most);
       if (section.single) continue;
-      section.log_a1 = std::clamp(section.log_a1, std::log(2 * kLeastDamping) + 0.5 * section.log_a0, most);
+      section.log_a1 = std::clamp(section.log_a1, least_log_a1(section.log_a0), most);
     }
     next.numerator += step.segment(column, c.numerator.size());
     column += c.numerator.size();
@@ -231,7 +242,7 @@ class Problem {
   RationalFitOptions options_;
   double omega_scale_ = 1, gain_scale_ = 1, lowest_ = 1, highest_ = 1, phase_delay_ = 0;
   int readings_per_point_ = 1;
-  std::vector<double> weight_, corners_;
+  std::vector<double> weight_, corners_, omega_;
   std::vector<Complex> target_;
   std::vector<Reading> readings_;
 };
@@ -244,7 +255,8 @@ std::vector<Section> sections_from(std::vector<Complex> poles, int order, const 
   std::vector<Complex> pairs;
   for (const Complex& p : poles) {
     if (p.imag() > 0) pairs.push_back(p);
-    if (p.imag() == 0) real.push_back(std::clamp(-p.real(), problem.lowest() / 10, problem.highest() * 10));
+    if (p.imag() == 0)
+      real.push_back(std::clamp(-p.real(), problem.lowest() / kReachBelow, problem.highest() * kReachAbove));
   }
   const auto by_size = [](const Complex& a, const Complex& b) { return std::abs(a) < std::abs(b); };
   std::sort(pairs.begin(), pairs.end(), by_size);
@@ -257,13 +269,21 @@ std::vector<Section> sections_from(std::vector<Complex> poles, int order, const 
   }
   for (double extra = 1.5 * problem.highest(); count() < order; extra *= 1.5) real.push_back(extra);
   std::vector<Section> sections;
-  for (const Complex& p : pairs) sections.push_back({std::log(-2 * p.real()), std::log(std::norm(p)), false});
+  for (const Complex& p : pairs) {
+    const double log_a0 = std::log(std::norm(p));
+    sections.push_back({std::max(std::log(-2 * p.real()), problem.least_log_a1(log_a0)), log_a0, false});
+  }
   std::size_t i = 0;
   for (; i + 1 < real.size(); i += 2) {
     sections.push_back({std::log(real[i] + real[i + 1]), std::log(real[i] * real[i + 1]), false});
   }
   if (i < real.size()) sections.push_back({0, std::log(real[i]), true});
   return sections;
+}
+
+std::vector<Candidate>::const_iterator lowest_cost(const std::vector<Candidate>& candidates) {
+  return std::min_element(candidates.begin(), candidates.end(),
+                          [](const Candidate& a, const Candidate& b) { return a.cost < b.cost; });
 }
 
 /// Levenberg-Marquardt with columns scaled to one length.
@@ -336,6 +356,12 @@ std::vector<Candidate> starts_of(const FrequencyResponse& response, const Proble
   return starts;
 }
 
+/// Of a pair: negative where it is complex.
+double discriminant(const Section& section) {
+  const double a1 = std::exp(section.log_a1);
+  return 0.25 * a1 * a1 - std::exp(section.log_a0);
+}
+
 std::vector<Complex> poles_of(const Candidate& c) {
   std::vector<Complex> poles;
   for (const Section& section : c.sections) {
@@ -344,7 +370,7 @@ std::vector<Complex> poles_of(const Candidate& c) {
       poles.emplace_back(-a0);
       continue;
     }
-    const double a1 = std::exp(section.log_a1), inside = 0.25 * a1 * a1 - a0;
+    const double a1 = std::exp(section.log_a1), inside = discriminant(section);
     if (inside < 0) {
       poles.emplace_back(-0.5 * a1, std::sqrt(-inside));
       poles.emplace_back(-0.5 * a1, -std::sqrt(-inside));
@@ -376,16 +402,10 @@ Polynomial numerator_of(const Problem& problem, const Candidate& c) {
 }
 
 /// Pairs real poles with their nearest neighbours: two that met in different sections could not become a complex pair.
-std::vector<Section> paired(const std::vector<Section>& sections, const std::vector<Complex>& poles) {
+std::vector<Section> real_sections(const std::vector<Complex>& poles) {
   std::vector<Section> result;
   std::vector<double> real;
-  for (const Complex& p : poles) {
-    if (p.imag() == 0) real.push_back(-p.real());
-  }
-  for (const Section& section : sections) {
-    const bool complex = !section.single && 2 * section.log_a1 < section.log_a0 + std::log(4);
-    if (complex) result.push_back(section);
-  }
+  for (const Complex& p : poles) real.push_back(-p.real());
   std::sort(real.begin(), real.end());
   while (real.size() > 1) {
     std::size_t nearest = 0;
@@ -401,77 +421,130 @@ std::vector<Section> paired(const std::vector<Section>& sections, const std::vec
   return result;
 }
 
-/// The section that matters least: without it, and the numerator fitted anew, the misfit grows least.
-std::size_t weakest_section(const Problem& problem, const Candidate& c) {
-  std::size_t weakest = 0;
-  double least = std::numeric_limits<double>::infinity();
-  for (std::size_t i = 0; i < c.sections.size(); ++i) {
-    Candidate without = c;
-    without.sections.erase(without.sections.begin() + static_cast<std::ptrdiff_t>(i));
-    problem.solve_numerator(without);
-    if (without.cost < least) {
-      least = without.cost;
-      weakest = i;
-    }
-  }
-  return weakest;
+/// The candidate's complex pairs, then the given real poles.
+std::vector<Section> with_real_poles(const Candidate& c, const std::vector<Complex>& real) {
+  std::vector<Section> sections;
+  std::copy_if(c.sections.begin(), c.sections.end(), std::back_inserter(sections),
+               [](const Section& section) { return !section.single && discriminant(section) < 0; });
+  const std::vector<Section> others = real_sections(real);
+  sections.insert(sections.end(), others.begin(), others.end());
+  return sections;
 }
 
-/// Ways out of a local minimum: real poles paired anew; a right zero beyond the band read as the delay it imitates
-/// ((s − z)/(s + z) ≈ −e^(−2s/z)); the section that matters least tried elsewhere in the band.
-std::vector<Candidate> ways_out(const Problem& problem, const Candidate& c, bool fit_delay) {
-  std::vector<Candidate> ways;
-  const auto add = [&](Candidate way) {
-    problem.solve_numerator(way);
-    ways.push_back(std::move(way));
-  };
+std::vector<Complex> real_poles_of(const Candidate& c) {
+  std::vector<Complex> real = poles_of(c);
+  std::erase_if(real, [](const Complex& p) { return p.imag() != 0; });
+  return real;
+}
+
+/// The candidate with other sections, delay moved, and the numerator fitted anew.
+Candidate variant_of(const Problem& problem, const Candidate& c, std::vector<Section> sections, double delay_move = 0) {
   Candidate way = c;
-  way.sections = paired(c.sections, poles_of(c));
-  add(way);
+  way.sections = std::move(sections);
+  way.delay += delay_move;
+  problem.solve_numerator(way);
+  return way;
+}
+
+using Ways = std::vector<Candidate>;
+
+/// A right zero beyond the band read as the delay it imitates, (s − z)/(s + z) ≈ −e^(−2s/z).
+Ways zeros_as_delay(const Problem& problem, const Candidate& c) {
+  Ways ways;
   const Polynomial numerator = numerator_of(problem, c);
-  if (fit_delay && numerator.size() > 1 && numerator.front() != 0) {
-    for (const Complex& z : roots(numerator)) {
-      if (z.imag() != 0 || !(z.real() > 0.5 * problem.highest())) continue;
-      way = c;
-      way.delay += 2 / z.real();
-      add(way);
-    }
-  }
-  for (const double share : kDelayMoves) {
-    if (!fit_delay || c.delay + share * problem.phase_delay() < 0) continue;
-    way = c;
-    way.delay += share * problem.phase_delay();
-    add(way);
-  }
-  const std::size_t weakest = weakest_section(problem, c);
-  for (const double share : kSpreadShares) {
-    const double omega = problem.lowest() * std::pow(problem.highest() / problem.lowest(), share);
-    way = c;
-    Section& section = way.sections[weakest];
-    section.log_a0 = (section.single ? 1 : 2) * std::log(omega);
-    section.log_a1 = std::log(omega);
-    add(way);
+  if (numerator.size() < 2 || numerator.front() == 0) return ways;
+  for (const Complex& z : roots(numerator)) {
+    if (z.imag() != 0 || !(z.real() > 0.5 * problem.highest())) continue;
+    ways.push_back(variant_of(problem, c, c.sections, 2 / z.real()));
   }
   return ways;
 }
 
+Ways delay_moved(const Problem& problem, const Candidate& c) {
+  Ways ways;
+  for (const double share : kDelayMoves) {
+    const double move = share * problem.phase_delay();
+    if (c.delay + move >= 0) ways.push_back(variant_of(problem, c, c.sections, move));
+  }
+  return ways;
+}
+
+/// The section that matters least (without it, and the numerator fitted anew, the misfit grows least) elsewhere in the
+/// band.
+Ways section_moved(const Problem& problem, const Candidate& c) {
+  Ways without;
+  for (std::size_t i = 0; i < c.sections.size(); ++i) {
+    std::vector<Section> rest = c.sections;
+    rest.erase(rest.begin() + static_cast<std::ptrdiff_t>(i));
+    without.push_back(variant_of(problem, c, rest));
+  }
+  const auto weakest = static_cast<std::size_t>(lowest_cost(without) - without.begin());
+  Ways ways;
+  for (const double share : kSpreadShares) {
+    const double omega = problem.at_share_of_band(share);
+    std::vector<Section> sections = c.sections;
+    sections[weakest].log_a0 = (sections[weakest].single ? 1 : 2) * std::log(omega);
+    sections[weakest].log_a1 = std::log(omega);
+    ways.push_back(variant_of(problem, c, sections));
+  }
+  return ways;
+}
+
+/// The real pole that matters least elsewhere in the band. Noise leaves one far below the band beside a zero that
+/// cancels it, in one section with a pole that is needed.
+Ways real_pole_moved(const Problem& problem, const Candidate& c) {
+  std::vector<Complex> real = real_poles_of(c);
+  if (real.empty()) return {};
+  Ways without;
+  for (std::size_t i = 0; i < real.size(); ++i) {
+    std::vector<Complex> rest = real;
+    rest.erase(rest.begin() + static_cast<std::ptrdiff_t>(i));
+    without.push_back(variant_of(problem, c, with_real_poles(c, rest)));
+  }
+  const auto weakest = static_cast<std::size_t>(lowest_cost(without) - without.begin());
+  Ways ways;
+  for (const double share : kSpreadShares) {
+    real[weakest] = -problem.at_share_of_band(share);
+    ways.push_back(variant_of(problem, c, with_real_poles(c, real)));
+  }
+  return ways;
+}
+
+/// Ways out of a local minimum.
+Ways ways_out(const Problem& problem, const Candidate& c, bool fit_delay) {
+  std::vector<Ways> kinds{{variant_of(problem, c, with_real_poles(c, real_poles_of(c)))},
+                          section_moved(problem, c),
+                          real_pole_moved(problem, c)};
+  if (fit_delay) {
+    kinds.push_back(zeros_as_delay(problem, c));
+    kinds.push_back(delay_moved(problem, c));
+  }
+  Ways all;
+  for (Ways& ways : kinds) std::move(ways.begin(), ways.end(), std::back_inserter(all));
+  return all;
+}
+
+/// All of them a few steps, the better ones some more, the best to its end: near copies of where the search stands
+/// begin low and stay there, a pole in a new place begins high and falls.
+Candidate winner_of(const Problem& problem, std::vector<Candidate> candidates, int first_iterations,
+                    int max_iterations) {
+  for (Candidate& c : candidates) refine(problem, c, std::min(first_iterations, max_iterations));
+  std::sort(candidates.begin(), candidates.end(), [](const auto& a, const auto& b) { return a.cost < b.cost; });
+  candidates.resize(std::min(candidates.size(), kScreened));
+  for (Candidate& c : candidates) refine(problem, c, std::min(kScreenIterations, max_iterations));
+  Candidate best = *lowest_cost(candidates);
+  refine(problem, best, max_iterations);
+  return best;
+}
+
 Candidate best_of(const Problem& problem, std::vector<Candidate> starts, const RationalFitOptions& options) {
-  const auto lower = [](const Candidate& a, const Candidate& b) { return a.cost < b.cost; };
-  std::sort(starts.begin(), starts.end(), lower);
-  starts.resize(std::min(starts.size(), kScreened));
-  for (Candidate& start : starts) refine(problem, start, std::min(kScreenIterations, options.max_iterations));
-  Candidate best = *std::min_element(starts.begin(), starts.end(), lower);
-  refine(problem, best, options.max_iterations);
+  Candidate best = winner_of(problem, std::move(starts), 0, options.max_iterations);
   if (options.only_given_starts) return best;
   for (int round = 0; round < kRounds; ++round) {
-    std::vector<Candidate> ways = ways_out(problem, best, options.fit_delay);
-    std::sort(ways.begin(), ways.end(), lower);
-    ways.resize(std::min(ways.size(), kScreened));
-    for (Candidate& way : ways) refine(problem, way, kScreenIterations);
-    Candidate& way = *std::min_element(ways.begin(), ways.end(), lower);
-    refine(problem, way, options.max_iterations);
+    Candidate way =
+        winner_of(problem, ways_out(problem, best, options.fit_delay), kFirstIterations, options.max_iterations);
     if (!(way.cost < (1 - kWorthARound) * best.cost)) return best;
-    best = way;
+    best = std::move(way);
   }
   return best;
 }

@@ -11,6 +11,7 @@ namespace {
 using Complex = std::complex<double>;
 using Eigen::Index;
 
+constexpr double kStandsStill = 1e-3;   // relative move of a pole: the refinement does the rest
 constexpr double kStartDamping = 0.01;  // Gustavsen's choice: pairs spread over the band, lightly damped
 
 /// Conjugate pairs spread over the band on a logarithmic scale; a real pole in the middle where the order is odd.
@@ -113,7 +114,13 @@ std::vector<Complex> vector_fitting_poles(std::span<const ResponsePoint> points,
     const Eigen::VectorXd x = scaled.colPivHouseholderQr().solve(right).cwiseQuotient(norms.transpose());
     double d = x(unknowns - 1);
     if (std::abs(d) < 1e-8) d = d < 0 ? -1e-8 : 1e-8;
-    poles = zeros_of_sigma(poles, x.segment(order + direct, order), d);
+    const auto c = x.segment(order + direct, order);
+    double largest_move = 0;
+    for (Index i = 0; i < order; ++i) {
+      largest_move = std::max(largest_move, std::abs(c(i) / d) / std::abs(poles[static_cast<std::size_t>(i)]));
+    }
+    poles = zeros_of_sigma(poles, c, d);
+    if (largest_move < kStandsStill) break;
   }
   for (Complex& p : poles) p *= scale;
   return poles;

@@ -83,6 +83,40 @@ void append_discrepancy(const Discrepancy& discrepancy, const std::string& unit,
                       discrepancy.gain.rmse_baseline, unit, discrepancy.gain.rmse_extended, unit);
 }
 
+/// A line per sweep: its transfer function and figures, or why there are none.
+void append_responses(const Analysis& analysis, std::string& page) {
+  if (analysis.frequency_response.empty()) return;
+  page += "\n";
+  for (const FrequencyResult& result : analysis.frequency_response) {
+    const std::string& name = analysis.recordings[result.recordings.front()].name;
+    const std::string more =
+        result.recordings.size() > 1 ? fmt::format(" and {} repeats", result.recordings.size() - 1) : "";
+    page += fmt::format("Response of {}{}: ", name, more);
+    if (!result.refused.empty()) {
+      page += result.refused + "\n";
+      continue;
+    }
+    page += fmt::format("{} frequencies from {:.3g} to {:.3g} Hz", result.response.points.size(),
+                        result.response.points.front().frequency_hz, result.response.points.back().frequency_hz);
+    if (result.model) page += fmt::format(", order {}", result.model->transfer_function.poles.size());
+    if (result.fit_percent) page += fmt::format(", fit {:.2f} %", *result.fit_percent);
+    page += "\n ";
+    for (const ResponseFeature& feature : result.features) {
+      page += fmt::format(" {} {:.4g}", feature.name, feature.value);
+    }
+    page += "\n";
+    if (result.amplitude_dependence) {
+      page += fmt::format("  gain changes by {:.1f} % rms against an amplitude of {:.3g} (p {:.2g})\n",
+                          100 * result.amplitude_dependence->change_rms, result.amplitude_dependence->amplitude_low,
+                          result.amplitude_dependence->p_value);
+    }
+  }
+  if (analysis.simulation.cross_domain_rmse) {
+    page += fmt::format("Steps through the sweep's transfer function: rmse {:.4g} {}\n",
+                        *analysis.simulation.cross_domain_rmse, analysis.baseline.model.output_unit);
+  }
+}
+
 /// One page for a person: the verdict and why, the figures, what is odd about the recordings.
 std::string page_of(const Analysis& analysis) {
   const std::string& unit = analysis.baseline.model.output_unit;
@@ -92,6 +126,7 @@ std::string page_of(const Analysis& analysis) {
                       unit, analysis.simulation.noise_floor, unit, analysis.simulation.fit_percent);
   if (analysis.discrepancy) append_discrepancy(*analysis.discrepancy, unit, page);
   append_levels(analysis, unit, page);
+  append_responses(analysis, page);
   append_recordings(analysis, page);
   return page;
 }

@@ -27,14 +27,11 @@ struct IdentifyArguments {
   RecordingOptions recording;
 };
 
-Result<IdentificationMethod> method_of(const std::string& name) {
+IdentificationMethod method_of(const std::string& name) {
   if (name == "rls") return IdentificationMethod::kRls;
   if (name == "arx") return IdentificationMethod::kArx;
   if (name == "oe") return IdentificationMethod::kOutputError;
-  return fail("method_not_available",
-              fmt::format("--method {} works on a measured frequency response, which this version does not estimate; "
-                          "use oe (free run), arx or rls",
-                          name));
+  return name == "asymptotic" ? IdentificationMethod::kAsymptotic : IdentificationMethod::kRational;
 }
 
 RlsForm form_of(const std::string& name) {
@@ -77,6 +74,55 @@ void print_tried(const Identification& id) {
   }
 }
 
+/// A root in s, in rad/s and in Hz, with its standard error.
+std::string root_text(std::complex<double> s, double std_error, bool pole) {
+  constexpr double kTwoPi = 2 * std::numbers::pi;
+  const double magnitude = std::abs(s);
+  std::string text = fmt::format("{:>11.5g} {:>+11.5g}i rad/s ± {:<8.2g} {:>10.5g} Hz ± {:<8.2g}", s.real(), s.imag(),
+                                 std_error, magnitude / kTwoPi, std_error / kTwoPi);
+  if (pole || s.imag() != 0) text += fmt::format(" damping {:.3f}", magnitude > 0 ? -s.real() / magnitude : 0);
+  return text;
+}
+
+/// The gain of G = gain prod(s - zero) / prod(s - pole): s in rad/s, or in Hz (2 pi rad/s each).
+double gain_in_hz(const TransferFunction& g) {
+  return g.gain *
+         std::pow(2 * std::numbers::pi, static_cast<double>(g.zeros.size()) - static_cast<double>(g.poles.size()));
+}
+
+void print_continuous(const Identification& id) {
+  const TransferFunction& g = id.transfer_function;
+  const ResponseModel& model = id.frequency->model;
+  fmt::print("\npoles (s)\n");
+  for (std::size_t i = 0; i < g.poles.size(); ++i) {
+    fmt::print("{}\n", root_text(g.poles[i], model.pole_std_errors[i], true));
+  }
+  fmt::print("zeros (s), gain {:.7g} with roots in rad/s, {:.7g} with roots in Hz\n", g.gain, gain_in_hz(g));
+  for (std::size_t i = 0; i < g.zeros.size(); ++i) {
+    fmt::print("{}\n", root_text(g.zeros[i], model.zero_std_errors[i], false));
+  }
+  if (model.steps) {
+    fmt::print(
+        "steps: asymptote J = {:.4g} (Eqs 4 to 6), V = {:.4g} from its breakpoints, {:.4g} at the minimum (Eq 1)\n",
+        model.steps->j, model.steps->v_start, model.steps->v);
+  }
+  fmt::print("\ntried    order  zeros    delay_s  held-out rmse    BIC\n");
+  for (const TriedResponseOrder& one : id.frequency->tried) {
+    fmt::print("         {:>5}  {:>5}  {:>9.5g}  {:>13.5g}  {:>7.1f}\n", one.order, one.zeros, one.delay_s,
+               one.rmse_heldout, one.criterion);
+  }
+}
+
+void print_response(const FrequencyResponse& response) {
+  fmt::print("response: {} frequencies from {:.4g} to {:.4g} Hz by {}, amplitude {:.4g} about {:.4g}\n",
+             response.points.size(), response.points.front().frequency_hz, response.points.back().frequency_hz,
+             to_string(response.method), response.input_amplitude, response.input_mean);
+  if (!response.distortion) return;
+  fmt::print("nonlinear: of the linear output {:.3g} % odd, {:.3g} % even, {:.3g} % noise per line\n",
+             100 * response.distortion->odd_ratio, 100 * response.distortion->even_ratio,
+             100 * response.distortion->noise_ratio);
+}
+
 void print_report(const Identification& id, const Recording& recording) {
   const TransferFunction& g = id.transfer_function;
   fmt::print("{}: {} samples at {:.6g} Hz\n", recording.name, recording.samples(), recording.sample_rate_hz());
@@ -88,6 +134,12 @@ void print_report(const Identification& id, const Recording& recording) {
   if (id.step) {
     fmt::print("step: rise time {:.5g} s, settling time {:.5g} s, overshoot {:.1f} %\n", id.step->rise_time_s,
                id.step->settling_time_s, 100 * id.step->overshoot_ratio);
+  }
+  if (id.frequency) {
+    print_response(id.frequency->response);
+    print_continuous(id);
+    for (const std::string& note : id.notes) fmt::print("note: {}\n", note);
+    return;
   }
   fmt::print("\npoles (z)\n");
   for (const auto& pole : g.poles) fmt::print("{}\n", root_text(pole, g.sample_time_s));
@@ -188,9 +240,8 @@ ExitStatus follow(const IdentifyArguments& arguments, IdentificationMethod metho
 }
 
 ExitStatus run(const IdentifyArguments& arguments) {
-  const auto method = method_of(arguments.method);
-  if (!method) return ended_by(method.error());
-  return arguments.follow ? follow(arguments, *method) : identify_file(arguments, *method);
+  const IdentificationMethod method = method_of(arguments.method);
+  return arguments.follow ? follow(arguments, method) : identify_file(arguments, method);
 }
 
 }  // namespace
@@ -199,10 +250,13 @@ void add_identify_command(CLI::App& app, int& exit_status) {
   CLI::App* verb = app.add_subcommand("identify", "A linear model of a recording, with how sure it is");
   auto arguments = std::make_shared<IdentifyArguments>();
   verb->add_option("FILE", arguments->file, "Recording; - is standard input")->required();
-  verb->add_option("--method", arguments->method, "rls (the paper's recursion), arx (batch), oe (free run)")
+  verb->add_option(
+          "--method", arguments->method,
+          "rls (the paper's recursion), arx (batch), oe (free run); of a sweep's frequency response: asymptotic (the "
+          "paper's real poles and zeros), rational (complex ones and a delay)")
       ->required()
       ->check(CLI::IsMember({"rls", "arx", "oe", "asymptotic", "rational"}));
-  verb->add_option("--order", arguments->order, "Number of poles; chosen by held-out free run when not said")
+  verb->add_option("--order", arguments->order, "Number of poles; chosen on held-out data when not said")
       ->check(CLI::Range(1, kMaxIdentifiedOrder));
   verb->add_option("--zeros", arguments->zeros, "Number of zeros; chosen when not said")
       ->check(CLI::Range(0, kMaxIdentifiedOrder));

@@ -17,6 +17,8 @@ namespace valvetriage::http {
   X(get_recording_raw) \
   X(get_analysis) \
   X(list_analyses) \
+  X(get_summary) \
+  X(list_causes) \
   X(get_stored_analysis) \
   X(list_submissions) \
   X(get_submission) \

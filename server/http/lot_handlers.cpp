@@ -40,7 +40,10 @@ Json valve_point(const SubmissionRow& row) {
               {"serial", or_null(row.labels.serial)},
               {"received_at", format_rfc3339(row.received_at)},
               {"verdict", or_null(row.summary.verdict)},
+              {"conclusion", or_null(row.summary.conclusion)},
               {"top_cause", or_null(row.summary.top_cause)},
+              {"top_cause_probability",
+               row.summary.top_cause_probability ? Json(*row.summary.top_cause_probability) : Json(nullptr)},
               {"errors", std::move(errors)}};
 }
 

@@ -23,7 +23,7 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kUniformTolerance = 1e-6;  // of a sample period: stamps written with six digits are uniform
 
-enum class Shown { kInput, kMeasured, kSimulated, kExtended, kResidual };
+enum class Shown { kInput, kMeasured, kSimulated, kExtended, kResidual, kExtendedResidual, kBode };
 
 /// What part of which recording is asked for.
 struct SeriesRequest {
@@ -53,16 +53,21 @@ Result<void> read_number(const Request& request, std::string_view name, Number& 
 }
 
 Result<SeriesRequest> series_request(const Request& request) {
-  constexpr std::array kNames{std::pair("input", Shown::kInput), std::pair("measured", Shown::kMeasured),
-                              std::pair("simulated", Shown::kSimulated), std::pair("extended", Shown::kExtended),
-                              std::pair("residual", Shown::kResidual)};
+  constexpr std::array kNames{std::pair("input", Shown::kInput),
+                              std::pair("measured", Shown::kMeasured),
+                              std::pair("simulated", Shown::kSimulated),
+                              std::pair("extended", Shown::kExtended),
+                              std::pair("residual", Shown::kResidual),
+                              std::pair("extended_residual", Shown::kExtendedResidual),
+                              std::pair("bode", Shown::kBode)};
   SeriesRequest wanted;
   wanted.name = request.parameter("what");
   if (wanted.name.empty()) wanted.name = "measured";
   const auto* found =
       std::find_if(kNames.begin(), kNames.end(), [&](const auto& entry) { return entry.first == wanted.name; });
   if (found == kNames.end())
-    return bad_parameter("what", wanted.name, "input, measured, simulated, extended or residual");
+    return bad_parameter("what", wanted.name,
+                         "input, measured, simulated, extended, residual, extended_residual or bode");
   wanted.what = found->second;
   for (auto read : {read_number(request, "from", wanted.from, "a time in seconds"),
                     read_number(request, "to", wanted.to, "a time in seconds"),
@@ -76,13 +81,17 @@ Result<SeriesRequest> series_request(const Request& request) {
   return wanted;
 }
 
-/// A model of the newest analysis: `extended_model`, or the baseline's.
-Result<Model> stored_model(Service& service, const SubmissionRow& submission, bool extended) {
+Result<Json> newest_analysis(Service& service, const SubmissionRow& submission) {
   const auto row = analysis_asked_for(service, submission);
   if (!row) return tl::unexpected(row.error());
   const auto body = service.store.analysis_body(row->id);
   if (!body) return tl::unexpected(body.error());
-  const auto document = parse_json(*body);
+  return parse_json(*body);
+}
+
+/// A model of the newest analysis: `extended_model`, or the baseline's.
+Result<Model> stored_model(Service& service, const SubmissionRow& submission, bool extended) {
+  const auto document = newest_analysis(service, submission);
   if (!document) return tl::unexpected(document.error());
   const Json& model = extended ? document->value("extended_model", Json())
                                : document->value("baseline", Json::object()).value("model", Json());
@@ -98,6 +107,26 @@ std::vector<double> grid_times(const Recording& recording) {
   return time_s;
 }
 
+double squared_error(const Recording& recording, const std::vector<double>& simulated) {
+  double sum = 0;
+  for (std::size_t i = 0; i < simulated.size(); ++i) {
+    const double error = recording.output.values[i] - simulated[i];
+    if (recording.is_valid(i) && std::isfinite(error)) sum += error * error;
+  }
+  return sum;
+}
+
+/// As in the analysis, the initial state is estimated rather than assumed; the run itself sees the input alone. A
+/// recording that begins at rest hardly determines a fast state: where the steady state fits better, it is the
+/// estimate.
+Result<std::vector<double>> free_run(const Model& model, const Recording& recording) {
+  const InitialState estimated{.kind = InitialState::Kind::kMeasured, .samples = recording.samples()};
+  auto fitted = simulate_extended(model, recording, estimated);
+  auto steady = simulate_extended(model, recording, InitialState{});
+  if (!fitted || !steady) return fitted ? fitted : steady;
+  return squared_error(recording, *steady) < squared_error(recording, *fitted) ? steady : fitted;
+}
+
 /// The whole series on the recording's grid; samples inside gaps are NaN.
 Result<std::vector<double>> series_values(Service& service, const Request& request, const Recording& recording,
                                           Shown what) {
@@ -109,14 +138,49 @@ Result<std::vector<double>> series_values(Service& service, const Request& reque
   if (what == Shown::kMeasured) return values;
   const auto submission = submission_asked_for(service, request);
   if (!submission) return tl::unexpected(submission.error());
-  const auto model = stored_model(service, *submission, what == Shown::kExtended);
+  const bool extended = what == Shown::kExtended || what == Shown::kExtendedResidual;
+  const auto model = stored_model(service, *submission, extended);
   if (!model) return tl::unexpected(model.error());
-  // As in the analysis, the initial state is estimated rather than assumed; the run itself sees the input alone.
-  const InitialState estimated{.kind = InitialState::Kind::kMeasured, .samples = recording.samples()};
-  auto simulated = simulate_extended(*model, recording, estimated);
-  if (!simulated || what != Shown::kResidual) return simulated;
+  auto simulated = free_run(*model, recording);
+  if (!simulated || what == Shown::kSimulated || what == Shown::kExtended) return simulated;
   for (std::size_t i = 0; i < values.size(); ++i) values[i] -= (*simulated)[i];
   return values;
+}
+
+/// The entry of the newest analysis's frequency_response that this recording is in.
+Result<Json> stored_response(Service& service, const Request& request, const RecordingRow& row) {
+  const auto submission = submission_asked_for(service, request);
+  if (!submission) return tl::unexpected(submission.error());
+  const auto document = newest_analysis(service, *submission);
+  if (!document) return tl::unexpected(document.error());
+  for (const Json& entry : document->value("frequency_response", Json::array())) {
+    const Json recordings = entry.value("recordings", Json::array());
+    if (std::find(recordings.begin(), recordings.end(), Json(row.sha256)) != recordings.end()) return entry;
+  }
+  return fail("not_available", "this recording holds no sweep, so its analysis has no frequency response of it");
+}
+
+/// what=bode: frequencies instead of times, as the analysis stored them.
+Result<Response> bode_response(Service& service, Request& request, const RecordingRow& row) {
+  auto entry = stored_response(service, request, row);
+  if (!entry) return tl::unexpected(entry.error());
+  if (request.parameter("format") == "csv") {
+    std::vector<Json> rows;
+    const auto at = [&](const char* name, std::size_t i) { return (*entry)[name][i]; };
+    for (std::size_t i = 0; i < (*entry)["frequency_hz"].size(); ++i) {
+      rows.push_back(Json{{"frequency_hz", at("frequency_hz", i)},
+                          {"gain", at("gain", i)},
+                          {"gain_normalised", at("gain_normalised", i)},
+                          {"phase_deg", at("phase_deg", i)},
+                          {"coherence", at("coherence", i)},
+                          {"band95_low", at("band95", i)[0]},
+                          {"band95_high", at("band95", i)[1]}});
+    }
+    return list_response(request, std::move(rows), std::nullopt);
+  }
+  (*entry)["recording_id"] = row.id;
+  (*entry)["what"] = "bode";
+  return json_response(*entry);
 }
 
 /// Input and, where given, output of POST /v1/simulations, on a uniform grid.
@@ -165,6 +229,7 @@ Result<Response> get_series(Service& service, Request& request) {
   if (!wanted) return tl::unexpected(wanted.error());
   const auto row = recording_asked_for(service, request);
   if (!row) return tl::unexpected(row.error());
+  if (wanted->what == Shown::kBode) return bode_response(service, request, *row);
   const auto place = ComputationPlace::take(service);
   if (!place) return tl::unexpected(place.error());
   const auto recording = read_stored_recording(service, *row);

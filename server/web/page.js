@@ -1,83 +1,73 @@
-// The list page: lots and recordings of this server. Every text goes in through textContent, so that nothing a file says
-// about itself is ever read as HTML.
+// The page: the address after # says what is shown, so that every link can be sent.
+import { el } from "./dom.js";
+import { showList } from "./list_view.js";
+import { showLot, showLots } from "./lot_view.js";
+import { showUpload } from "./upload_view.js";
+import { showSerial, showValve } from "./valve_view.js";
+
+const VIEWS = { valves: showList, valve: showValve, serial: showSerial, lots: showLots, lot: showLot, upload: showUpload };
 
 const byId = (id) => document.getElementById(id);
-let nextCursor = null;
+let leaving = new AbortController();
 
-async function fetchJson(path) {
-  const token = sessionStorage.getItem("token");
-  const headers = token ? { Authorization: `Bearer ${token}` } : {};
-  const response = await fetch(path, { headers });
-  const body = await response.json();
-  if (response.ok) return body;
-  if (response.status === 401) byId("access").hidden = false;
-  throw new Error(body.detail);
+/// "#/valve/sub_1?from=2" is the view "valve" with the argument "sub_1" and the parameters {from: "2"}.
+function readAddress() {
+  const [path, query = ""] = location.hash.replace(/^#\/?/, "").split("?");
+  const [view, ...argument] = path.split("/");
+  return { view: view || "valves", argument: decodeURIComponent(argument.join("/")), parameters: new URLSearchParams(query) };
 }
 
-function addRow(table, cells) {
-  const row = table.insertRow();
-  for (const cell of cells) {
-    const place = row.insertCell();
-    if (typeof cell === "number") place.className = "number";
-    if (cell instanceof Node) place.append(cell);
-    else place.textContent = cell ?? "";
+function showNavigation(view) {
+  const part = { valve: "valves", serial: "valves", lot: "lots" }[view] ?? view;
+  for (const link of document.querySelectorAll("nav a")) {
+    if (link.hash === `#/${part}`) link.setAttribute("aria-current", "page");
+    else link.removeAttribute("aria-current");
   }
-}
-
-function link(text, href) {
-  const anchor = document.createElement("a");
-  anchor.href = href;
-  anchor.textContent = text;
-  return anchor;
-}
-
-const localTime = (text) => new Date(text).toLocaleString();
-
-async function showLots() {
-  const { items } = await fetchJson("/v1/lots?limit=200");
-  byId("lots").replaceChildren();
-  for (const lot of items) {
-    addRow(byId("lots"), [lot.lot, lot.valves, lot.analysed_valves, lot.verdicts.Good ?? 0, lot.verdicts.Malfunctioned ?? 0,
-      lot.verdicts.Severe ?? 0, localTime(lot.last_received_at)]);
-  }
-}
-
-function dataLinks(recording) {
-  const span = document.createElement("span");
-  span.append(link("raw", recording.links.raw));
-  if (recording.links.analysis) span.append(" ", link("analysis", recording.links.analysis));
-  return span;
-}
-
-async function showRecordings() {
-  const cursor = nextCursor ? `&cursor=${encodeURIComponent(nextCursor)}` : "";
-  const { items, next } = await fetchJson(`/v1/recordings?limit=100${cursor}`);
-  for (const r of items) {
-    addRow(byId("recordings"), [localTime(r.received_at), r.name, r.lot, r.serial, r.error?.detail ?? r.state, r.verdict ?? r.reason,
-      r.top_cause, dataLinks(r)]);
-  }
-  nextCursor = next;
-  byId("more").hidden = !next;
 }
 
 async function show() {
+  leaving.abort(new DOMException("left", "AbortError"));
+  leaving = new AbortController();
+  const { signal } = leaving;
+  const { view, argument, parameters } = readAddress();
   byId("message").textContent = "";
-  byId("recordings").replaceChildren();
-  nextCursor = null;
+  showNavigation(view);
+  const viewOf = VIEWS[view];
   try {
-    await showLots();
-    await showRecordings();
+    if (!viewOf) throw new Error("There is no such view.");
+    document.body.setAttribute("aria-busy", "true");
+    const content = await viewOf({ argument, parameters, signal, again: show });
+    if (signal.aborted) return;
+    byId("view").replaceChildren(content.node);
+    document.title = `${content.title} – valvetriage`;
+    content.shown?.();
   } catch (error) {
+    if (signal.aborted) return;
     byId("message").textContent = error.message;
+    byId("view").replaceChildren(el("button", { type: "button", onclick: show }, "Try again"));
+  } finally {
+    if (!signal.aborted) document.body.removeAttribute("aria-busy");
   }
 }
 
-byId("more").addEventListener("click", showRecordings);
 byId("access").addEventListener("submit", (event) => {
   event.preventDefault();
   sessionStorage.setItem("token", byId("token").value);
   byId("token").value = "";
   byId("access").hidden = true;
+  show();
+});
+byId("search").addEventListener("submit", (event) => {
+  event.preventDefault();
+  const serial = byId("search-serial").value.trim();
+  if (serial) location.hash = `#/serial/${encodeURIComponent(serial)}`;
+});
+document.querySelector(".skip").addEventListener("click", (event) => {
+  event.preventDefault();
+  byId("view").focus();
+});
+addEventListener("hashchange", () => {
+  scrollTo(0, 0);
   show();
 });
 show();

@@ -8,6 +8,7 @@
 
 #include "server/wire/canonical_json.h"
 #include "server/wire/discrepancy_json.h"
+#include "server/wire/frequency_json.h"
 #include "server/wire/json_fields.h"
 #include "server/wire/model_json.h"
 
@@ -106,7 +107,15 @@ Json to_json(const Simulation& simulation) {
               {"noise_floor", finite_or_null(simulation.noise_floor)},
               {"window", Json{{"rate_hz", simulation.window.rate_hz}, {"duration_s", simulation.window.duration_s}}},
               {"by_level", list_to_json(simulation.by_level, to_json)},
-              {"per_recording", list_to_json(simulation.per_recording, to_json)}};
+              {"per_recording", list_to_json(simulation.per_recording, to_json)},
+              {"cross_domain_rmse", finite_or_null(simulation.cross_domain_rmse)}};
+}
+
+Json frequency_response_json(const Analysis& analysis) {
+  Json list = Json::array();
+  for (const FrequencyResult& result : analysis.frequency_response)
+    list.push_back(to_json(result, analysis.recordings));
+  return list;
 }
 
 Json to_json(const LevelVerdict& level) {
@@ -194,6 +203,7 @@ Simulation simulation_from_json(JsonFields fields) {
                                         .fit_percent = number_or_nan(recording, "fit_percent"),
                                         .noise_floor = number_or_nan(recording, "noise_floor")});
   }
+  simulation.cross_domain_rmse = fields.optional_number("cross_domain_rmse");
   return simulation;
 }
 
@@ -261,7 +271,7 @@ Json to_json(const Analysis& analysis, const AnalysisMaking& making) {
                 {"simulation", to_json(analysis.simulation)},
                 {"discrepancy", analysis.discrepancy ? to_json(*analysis.discrepancy) : Json(nullptr)},
                 {"extended_model", to_json(analysis.extended_model)},
-                {"frequency_response", Json::array()},
+                {"frequency_response", frequency_response_json(analysis)},
                 {"classification", to_json(analysis.classification)},
                 {"timing_s", by_name(making.timing_s)}};
   document["result_sha256"] = result_sha256(document);

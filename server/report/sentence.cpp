@@ -1,0 +1,213 @@
+#include "server/report/sentence.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <cmath>
+#include <set>
+#include <utility>
+
+#include "core/mechanisms/mechanism.h"
+
+namespace valvetriage::report {
+namespace {
+
+std::string capitalised(std::string text) {
+  if (!text.empty()) text[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(text[0])));
+  return text;
+}
+
+/// "a", "a or b", "a, b or c".
+std::string either(const std::vector<std::string>& words) {
+  std::string text;
+  for (std::size_t i = 0; i < words.size(); ++i) {
+    if (i > 0) text += i + 1 == words.size() ? " or " : ", ";
+    text += words[i];
+  }
+  return text;
+}
+
+std::string lower_spoken(std::string cause) {
+  std::replace(cause.begin(), cause.end(), '_', ' ');
+  for (std::size_t at = 0; (at = cause.find('+', at)) != std::string::npos; at += 3) cause.replace(at, 1, " + ");
+  return cause;
+}
+
+/// Of a parameter "breakaway_A": its name without the unit that follows with the number, "breakaway".
+std::string parameter_name(const std::string& name, const std::string& unit) {
+  const std::string suffix = "_" + unit;
+  std::string shown = !unit.empty() && name.ends_with(suffix) ? name.substr(0, name.size() - suffix.size()) : name;
+  if (shown == name) {
+    for (const char* ending : {"_A_per_s", "_psi_per_s", "_psi", "_hz", "_A", "_s"}) {
+      if (!shown.ends_with(ending)) continue;
+      shown.resize(shown.size() - std::string_view(ending).size());
+      break;
+    }
+  }
+  std::replace(shown.begin(), shown.end(), '_', ' ');
+  return shown;
+}
+
+std::string verdict_sentence(const ClassificationResult& result) {
+  constexpr std::array<std::pair<const char*, const char*>, 4> kActions{
+      {{"accept", "Accept the valve."},
+       {"reject", "Reject the valve."},
+       {"retest", "Test the valve again."},
+       {"engineer", "An engineer should look at it."}}};
+  std::string text = result.verdict ? *result.verdict : "No verdict";
+  if (!result.explanation.empty()) text += ": " + result.explanation;
+  if (!text.ends_with('.')) text += '.';
+  if (result.without_stand_causes && result.without_stand_causes != result.verdict) {
+    text += fmt::format(" Without what is the stand's fault it would be {}.", *result.without_stand_causes);
+  }
+  for (const auto& [action, sentence] : kActions) {
+    if (result.action == action) text += fmt::format(" {}", sentence);
+  }
+  return text;
+}
+
+std::string parameter_words(const std::string& name, const ParameterEstimate& estimate) {
+  const std::string shown = parameter_name(name, estimate.unit);
+  if (!estimate.text.empty()) return shown + " " + estimate.text;
+  std::string text = fmt::format("{} {}", shown, quantity(estimate.value, estimate.unit));
+  if (std::isfinite(estimate.ci95[0]) && std::isfinite(estimate.ci95[1])) {
+    text += fmt::format(" (95 %: {} to {})", quantity(estimate.ci95[0], estimate.unit),
+                        quantity(estimate.ci95[1], estimate.unit));
+  }
+  return text;
+}
+
+/// What every recording has its own of, where a loop begins or the phase of a tone, says nothing about the valve.
+std::string parameters_words(const NamedCause& cause) {
+  const Mechanism* law = find_mechanism(cause.cause);
+  const auto own = law ? law->parameters.last(law->own_per_recording) : std::span<const MechanismParameter>{};
+  std::string words;
+  for (const auto& [name, estimate] : cause.parameters) {
+    const auto is_this = [&name = name](const MechanismParameter& parameter) { return parameter.name == name; };
+    if (std::any_of(own.begin(), own.end(), is_this)) continue;
+    words += (words.empty() ? "" : "; ") + parameter_words(name, estimate);
+  }
+  return words;
+}
+
+std::string cause_sentence(const NamedCause& cause) {
+  std::string text = spoken(cause.cause);
+  if (const Mechanism* law = find_mechanism(cause.cause)) text += fmt::format(": {}", law->wrong);
+  if (!text.ends_with('.')) text += '.';
+  if (std::isfinite(cause.probability)) text += fmt::format(" Probability {}.", percent(cause.probability));
+  if (!cause.alternatives.empty()) {
+    std::vector<std::string> rivals;
+    for (const std::string& rival : cause.alternatives) rivals.push_back(lower_spoken(rival));
+    text += fmt::format(" The recordings do not tell it from {}.", either(rivals));
+  }
+  const std::string parameters = parameters_words(cause);
+  return parameters.empty() ? text : text + " " + capitalised(parameters) + ".";
+}
+
+std::string discrepancy_sentence(const Discrepancy& discrepancy) {
+  std::vector<std::string> names;
+  bool rivals = false;
+  for (const NamedCause& cause : discrepancy.causes) {
+    names.push_back(lower_spoken(cause.cause));
+    rivals |= !cause.alternatives.empty();
+  }
+  switch (discrepancy.conclusion) {
+    case Conclusion::kNone:
+      return "The simulation leaves nothing that a good valve on this stand would not leave.";
+    case Conclusion::kNamed:
+      return fmt::format("The simulation is wrong because it lacks {}.", fmt::join(names, " and "));
+    case Conclusion::kAmbiguous:
+      return "Something is wrong, but these recordings do not settle what: " +
+             std::string(rivals ? "several causes explain them equally well." : "no cause stands out clearly enough.");
+    case Conclusion::kUnexplained:
+      return "Something is wrong that no known cause explains. It is not known what; do not read a cause into this "
+             "result.";
+  }
+  return {};
+}
+
+std::string fault_sentence(const Discrepancy& discrepancy) {
+  if (discrepancy.conclusion != Conclusion::kNamed) return {};
+  std::set<std::string> origins;
+  for (const NamedCause& cause : discrepancy.causes) origins.insert(cause.origin);
+  if (origins == std::set<std::string>{"valve"}) return "It is the valve's fault.";
+  if (origins == std::set<std::string>{"stand"}) return "It is the stand's fault, not the valve's.";
+  if (origins.contains("either")) return "It can be the valve's fault or the stand's.";
+  return origins.empty() ? "" : "Partly it is the valve's fault, partly the stand's.";
+}
+
+std::string gain_sentence(const Discrepancy& discrepancy, const std::string& unit) {
+  const DiscrepancyGain& gain = discrepancy.gain;
+  if (discrepancy.causes.empty() || !std::isfinite(gain.rmse_extended)) return {};
+  std::string text = fmt::format("On data it was not fitted to ({}), the simulation's error goes from {} to {}",
+                                 gain.heldout, quantity(gain.rmse_baseline, unit), quantity(gain.rmse_extended, unit));
+  if (std::isfinite(gain.noise_floor)) text += fmt::format("; noise alone is {}", quantity(gain.noise_floor, unit));
+  return text + ".";
+}
+
+std::string next_test_sentence(const NextTest& test) {
+  std::string text = fmt::format("Next test: {}.", test.test);
+  if (!test.why.empty()) text += fmt::format(" {}", capitalised(test.why));
+  if (!text.ends_with('.')) text += '.';
+  if (std::isfinite(test.expected_probability) && test.expected_probability > 0) {
+    text += fmt::format(" It is expected to settle the cause with {}.", percent(test.expected_probability));
+  }
+  return text;
+}
+
+std::vector<std::string> upper_limits(const Discrepancy& discrepancy) {
+  std::vector<std::string> limits;
+  for (const Candidate& candidate : discrepancy.candidates) {
+    const Mechanism* law = find_mechanism(candidate.cause);
+    for (const auto& [name, limit] : candidate.upper_limit95) {
+      if (!std::isfinite(limit)) continue;
+      std::string unit;
+      for (const MechanismParameter& parameter : law ? law->parameters : std::span<const MechanismParameter>{}) {
+        if (parameter.name == name) unit = parameter.unit;
+      }
+      limits.push_back(fmt::format("{} with {} above {} is excluded", spoken(candidate.cause),
+                                   parameter_name(name, unit), quantity(limit, unit)));
+    }
+  }
+  return limits;
+}
+
+}  // namespace
+
+std::string spoken(const std::string& cause) {
+  return capitalised(lower_spoken(cause));
+}
+
+std::string quantity(double value, const std::string& unit) {
+  if (!std::isfinite(value)) return "unknown";
+  const bool small = value != 0 && std::abs(value) < 0.1;
+  if (small && (unit == "A" || unit == "s" || unit == "A/s")) return fmt::format("{:.3g} m{}", value * 1000, unit);
+  return unit.empty() ? fmt::format("{:.3g}", value) : fmt::format("{:.3g} {}", value, unit);
+}
+
+std::string percent(double probability) {
+  if (!std::isfinite(probability)) return "unknown";
+  if (probability > 0.99) return "over 99 %";
+  if (probability < 0.01) return "under 1 %";
+  return fmt::format("{:.0f} %", 100 * probability);
+}
+
+Summary summarise(const Analysis& analysis) {
+  Summary summary{.verdict = verdict_sentence(analysis.classification)};
+  if (!analysis.discrepancy) {
+    summary.discrepancy = "What the simulation gets wrong was not looked for.";
+    return summary;
+  }
+  const Discrepancy& discrepancy = *analysis.discrepancy;
+  summary.discrepancy = discrepancy_sentence(discrepancy);
+  for (const NamedCause& cause : discrepancy.causes) summary.causes.push_back(cause_sentence(cause));
+  summary.fault = fault_sentence(discrepancy);
+  summary.gain = gain_sentence(discrepancy, analysis.baseline.model.output_unit);
+  summary.upper_limits = upper_limits(discrepancy);
+  if (discrepancy.next_test) summary.next_test = next_test_sentence(*discrepancy.next_test);
+  return summary;
+}
+
+}  // namespace valvetriage::report

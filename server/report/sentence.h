@@ -1,0 +1,34 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "core/analysis/analysis.h"
+
+namespace valvetriage::report {
+
+/// An analysis in sentences that a person can act on; the page, the report and the route `summary` show the same ones.
+/// Texts of a user (names of channels) stand in them as they are: who shows them escapes them.
+struct Summary {
+  std::string verdict;              ///< verdict or why there is none, and what to do with the valve
+  std::string discrepancy;          ///< what the simulation gets wrong, or that it is not known
+  std::vector<std::string> causes;  ///< one sentence for each cause in the extended model
+  std::string fault;                ///< whose fault it is; empty where nothing is named
+  std::string gain;                 ///< what the causes gain on data they were not fitted to; empty without causes
+  std::vector<std::string> upper_limits;  ///< what the recordings exclude
+  std::string next_test;                  ///< empty where there is none
+};
+
+Summary summarise(const Analysis& analysis);
+
+/// "Periodic disturbance" of `periodic_disturbance`, "Friction + leakage" of `friction+leakage`.
+std::string spoken(const std::string& cause);
+
+/// Three significant digits with the unit: "18.3 mA", "0.402 psi", "12 %". Amperes below 0.1 are shown in mA, seconds
+/// below 0.1 in ms. "unknown" where the value is not finite.
+std::string quantity(double value, const std::string& unit);
+
+/// A probability as a person says it: "98 %", "over 99 %", "under 1 %".
+std::string percent(double probability);
+
+}  // namespace valvetriage::report

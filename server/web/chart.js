@@ -1,0 +1,95 @@
+// Small charts of lots, drawn as SVG: one mark per valve, limits as lines, links to the valves.
+
+const SVG = "http://www.w3.org/2000/svg";
+const WIDTH = 1000;
+const MARGIN = { left: 64, right: 12, top: 12, bottom: 34 };
+const MARKS_AT_MOST = 1500; // beyond that one line stands for the marks, and only those outside the limits stay
+
+export function svg(tag, attributes = {}, ...children) {
+  const element = document.createElementNS(SVG, tag);
+  for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
+  for (const child of children.flat(Infinity)) if (child) element.append(child);
+  return element;
+}
+
+/// Round numbers that cover [low, high], about `wanted` of them.
+export function ticks(low, high, wanted = 5) {
+  const span = high - low || 1;
+  const power = 10 ** Math.floor(Math.log10(span / wanted));
+  const step = [1, 2, 5, 10].map((factor) => factor * power).find((size) => span / size <= wanted);
+  const all = [];
+  for (let i = Math.ceil(low / step - 1e-9); i * step <= high + 1e-9 * span; ++i) all.push(Number((i * step).toPrecision(12)));
+  return all;
+}
+
+/// A frame with a y axis in `unit`; x runs over the valves in the order they were received.
+function frame({ height, low, high, label, yTitle, xTitle, whole = false }) {
+  const bottom = height - MARGIN.bottom;
+  const y = (value) => bottom - ((value - low) / (high - low || 1)) * (bottom - MARGIN.top);
+  const node = svg("svg", { viewBox: `0 0 ${WIDTH} ${height}`, class: "lot-chart", role: "img", "aria-label": label });
+  for (const tick of ticks(low, high).filter((value) => !whole || Number.isInteger(value))) {
+    node.append(svg("line", { class: "grid", x1: MARGIN.left, x2: WIDTH - MARGIN.right, y1: y(tick), y2: y(tick) }),
+      svg("text", { class: "tick", x: MARGIN.left - 8, y: y(tick) + 4, "text-anchor": "end" }, String(tick)));
+  }
+  node.append(svg("text", { class: "tick", transform: `translate(14 ${(MARGIN.top + bottom) / 2}) rotate(-90)`, "text-anchor": "middle" }, yTitle),
+    svg("text", { class: "tick", x: (MARGIN.left + WIDTH) / 2, y: height - 6, "text-anchor": "middle" }, xTitle));
+  return { node, y, bottom };
+}
+
+const across = (count) => (index) => MARGIN.left + ((index + 0.5) / Math.max(count, 1)) * (WIDTH - MARGIN.left - MARGIN.right);
+
+/// A circle, triangle or square: the verdict without its colour.
+function mark(verdict, x, y, size) {
+  const kind = `mark ${verdict?.toLowerCase() ?? "none"}`;
+  if (verdict === "Malfunctioned") return svg("path", { class: kind, d: `M${x} ${y - size}L${x + size} ${y + size}H${x - size}Z` });
+  if (verdict === "Severe") return svg("rect", { class: kind, x: x - size, y: y - size, width: 2 * size, height: 2 * size });
+  return svg("circle", { class: kind, cx: x, cy: y, r: size });
+}
+
+/// points  {value, verdict, href, title}; lines  {value, title, kind}; outside  indices of points
+export function individualsChart({ points, lines, outside, height = 300, label, yTitle }) {
+  const values = [...points.map((p) => p.value), ...lines.map((l) => l.value)];
+  const high = Math.max(...values, 1e-9);
+  const low = Math.min(0, ...values);
+  const { node, y } = frame({ height, low, high: high + 0.05 * (high - low), label, yTitle, xTitle: "valves in the order received" });
+  const x = across(points.length);
+  for (const line of lines) {
+    node.append(svg("line", { class: `limit ${line.kind}`, x1: MARGIN.left, x2: WIDTH - MARGIN.right, y1: y(line.value), y2: y(line.value) }),
+      svg("text", { class: "tick", x: WIDTH - MARGIN.right, y: y(line.value) - 4, "text-anchor": "end" }, line.title));
+  }
+  node.append(svg("path", { class: "run", d: `M${points.map((p, i) => `${x(i).toFixed(1)} ${y(p.value).toFixed(1)}`).join("L")}` }));
+  const marked = new Set(outside);
+  const size = points.length > 200 ? 2.5 : 5;
+  points.forEach((point, i) => {
+    if (points.length > MARKS_AT_MOST && !marked.has(i)) return;
+    const title = svg("title", {}, point.title);
+    const ring = marked.has(i) ? svg("circle", { class: "ring", cx: x(i), cy: y(point.value), r: size + 5 }) : null;
+    node.append(svg("a", { href: point.href, tabindex: "-1" }, ring, mark(point.verdict, x(i), y(point.value), size), title));
+  });
+  return node;
+}
+
+const GROUPS_AT_MOST = 40;
+const VERDICTS = ["Good", "Malfunctioned", "Severe", null];
+
+/// Columns of the verdicts of consecutive valves, oldest first.
+export function verdictColumns(valves, height = 200) {
+  const size = Math.max(1, Math.ceil(valves.length / GROUPS_AT_MOST));
+  const groups = [];
+  for (let i = 0; i < valves.length; i += size) groups.push(valves.slice(i, i + size));
+  const label = `Verdicts of ${valves.length} valves in the order received, ${size} a column`;
+  const { node, y } = frame({ height, low: 0, high: size, whole: true, label, yTitle: "valves", xTitle: `valves in the order received${size > 1 ? `, ${size} a column` : ""}` });
+  const x = across(groups.length);
+  const width = Math.min(60, 0.8 * (x(1) - x(0)));
+  groups.forEach((group, i) => {
+    let below = 0;
+    for (const verdict of VERDICTS) {
+      const count = group.filter((valve) => (valve.verdict ?? null) === verdict).length;
+      if (count === 0) continue;
+      node.append(svg("rect", { class: `mark ${verdict?.toLowerCase() ?? "none"}`, x: x(i) - width / 2, width, y: y(below + count), height: y(below) - y(below + count) },
+        svg("title", {}, `${count} ${verdict ?? "without verdict"}, from ${group[0].received_at}`)));
+      below += count;
+    }
+  });
+  return node;
+}

@@ -1,0 +1,72 @@
+// Numbers with units, times, and the few words for states and verdicts.
+import { el } from "./dom.js";
+
+export function figure(value, digits = 3) {
+  if (typeof value !== "number" || !Number.isFinite(value)) return "–";
+  if (value === 0) return "0";
+  const size = Math.abs(value);
+  if (size >= 1e6 || size < 1e-4) return value.toExponential(digits - 1).replace("e+", "e");
+  const text = value.toPrecision(digits);
+  return text.includes("e") ? String(Math.round(value)) : text;
+}
+
+/// The number and unit a person would write: 0.0183 A is 18.3 mA.
+export function scaled(value, unit) {
+  const small = typeof value === "number" && value !== 0 && Math.abs(value) < 0.1;
+  return small && ["A", "s", "A/s"].includes(unit) ? [1000, `m${unit}`] : [1, unit];
+}
+
+export function quantity(value, unit) {
+  if (typeof value === "string") return value;
+  const [factor, shown] = scaled(value, unit);
+  return `${figure(typeof value === "number" ? value * factor : value)}${shown ? ` ${shown}` : ""}`;
+}
+
+export function percent(probability) {
+  if (typeof probability !== "number") return "–";
+  if (probability > 0.99) return "> 99 %";
+  if (probability < 0.01) return "< 1 %";
+  return `${Math.round(100 * probability)} %`;
+}
+
+const local = new Intl.DateTimeFormat(undefined, { dateStyle: "medium", timeStyle: "short" });
+
+/// Local time; UTC on hover.
+export function time(text) {
+  if (!text) return "–";
+  return el("time", { datetime: text, title: `${text.replace("T", " ").replace("Z", "")} UTC` }, local.format(new Date(text)));
+}
+
+export function spoken(name) {
+  if (!name) return "";
+  const text = name.replaceAll("_", " ").replaceAll("+", " + ");
+  return text[0].toUpperCase() + text.slice(1);
+}
+
+export function bytes(count) {
+  if (count < 1e3) return `${count} B`;
+  return count < 1e6 ? `${figure(count / 1e3)} kB` : `${figure(count / 1e6)} MB`;
+}
+
+// A sign beside every colour: the page is read in grey and by colour-blind eyes as well.
+const SIGNS = { Good: "●", Malfunctioned: "▲", Severe: "■" };
+
+export function verdictMark(verdict) {
+  if (!verdict) return el("span", { class: "verdict none" }, "no verdict");
+  return el("span", { class: `verdict ${verdict.toLowerCase()}` }, el("span", { "aria-hidden": "true" }, SIGNS[verdict] ?? "◆"), ` ${verdict}`);
+}
+
+const CONCLUSIONS = { none: "Nothing wrong", named: "Named", ambiguous: "Not settled", unexplained: "Unexplained" };
+export const conclusionWords = (conclusion) => CONCLUSIONS[conclusion] ?? "–";
+
+/// Cause of a row in a list: named plainly only where it is settled.
+export function causeCell(row) {
+  if (!row.conclusion) return "–";
+  if (row.conclusion === "none") return "none";
+  if (row.conclusion === "unexplained") return "unexplained";
+  if (!row.top_cause) return conclusionWords(row.conclusion);
+  const likely = `${spoken(row.top_cause)}, ${percent(row.top_cause_probability)}`;
+  return row.conclusion === "ambiguous" ? `not settled: ${likely}` : likely;
+}
+
+export const isFinal = (state) => !["queued", "running"].includes(state);

@@ -1,0 +1,154 @@
+// Lots: the list with counts, and one lot with its verdicts, errors and causes.
+import { get } from "./api.js";
+import { individualsChart, verdictColumns } from "./chart.js";
+import { address, el, field, keepInAddress, options, section } from "./dom.js";
+import { causeCell, figure, spoken, time, verdictMark } from "./format.js";
+import { barRow } from "./gain_bar.js";
+import { table } from "./table.js";
+
+const count = (lot, verdict) => lot.verdicts[verdict] ?? 0;
+
+function lotColumns() {
+  const verdicts = ["Good", "Malfunctioned", "Severe"].map((verdict) => ({ title: verdict, value: (lot) => count(lot, verdict), number: true }));
+  return [
+    { title: "Lot", value: (lot) => lot.lot, show: (lot) => el("a", { href: address("lot", lot.lot) }, lot.lot) },
+    { title: "Valves", value: (lot) => lot.valves, number: true },
+    { title: "Analysed", value: (lot) => lot.analysed_valves, number: true },
+    ...verdicts,
+    { title: "No verdict", value: (lot) => count(lot, "null"), number: true },
+    { title: "Most frequent cause", value: (lot) => topCause(lot) },
+    { title: "Last received", value: (lot) => lot.last_received_at, show: (lot) => time(lot.last_received_at) },
+  ];
+}
+
+function topCause(lot) {
+  const [cause, valves] = Object.entries(lot.causes).sort((a, b) => b[1] - a[1])[0] ?? [];
+  return cause ? `${spoken(cause)} (${valves})` : "–";
+}
+
+export async function showLots({ parameters, signal }) {
+  const query = new URLSearchParams({ limit: "100" });
+  if (parameters.has("cursor")) query.set("cursor", parameters.get("cursor"));
+  const page = await get(`/v1/lots?${query}`, signal);
+  const empty = el("span", {}, "There is no lot yet. Recordings that name a lot make one: ", el("a", { href: "#/upload" }, "upload some"), ".");
+  const node = el("div", {}, el("h1", {}, "Lots"),
+    table(lotColumns(), page.items, { caption: "Lots, newest first, counted by valve", empty, sort: parameters.get("sort") ?? "", keep: true }),
+    el("p", { class: "pager" }, parameters.has("cursor") ? el("a", { href: "#/lots" }, "First page") : null,
+      page.next ? el("a", { href: address("lots", null, { cursor: page.next }) }, "Next page") : null));
+  return { node, title: "Lots" };
+}
+
+/// Bars of the settled causes, most frequent first, with the share that all down to here make together; what is not
+/// settled or not explained stands apart, for it is no cause.
+function pareto(lot, valves) {
+  const tally = new Map();
+  for (const valve of valves.filter((v) => v.conclusion === "named")) tally.set(valve.top_cause, (tally.get(valve.top_cause) ?? 0) + 1);
+  const sorted = [...tally].sort((a, b) => b[1] - a[1]);
+  const apart = [["ambiguous", "Not settled"], ["unexplained", "Unexplained"]]
+    .map(([conclusion, title]) => [title, valves.filter((v) => v.conclusion === conclusion).length]).filter(([, count]) => count > 0);
+  if (sorted.length + apart.length === 0) return el("p", { class: "empty" }, "No valve of this lot has a cause.");
+  const all = sorted.reduce((sum, [, count]) => sum + count, 0);
+  const largest = Math.max(...sorted.map(([, count]) => count), ...apart.map(([, count]) => count));
+  let sum = 0;
+  return el("table", { class: "bars" }, el("caption", {}, "Valves by settled cause, with the cumulated share"), el("tbody", {},
+    sorted.map(([cause, count]) => {
+      sum += count;
+      return barRow(el("a", { href: address("valves", null, { lot, cause }) }, spoken(cause)), "tally", count / largest, `${count} (${Math.round(100 * sum / all)} %)`);
+    }),
+    apart.map(([title, count]) => barRow(title, "floor", count / largest, String(count)))));
+}
+
+const RUN = 8; // consecutive values on one side of the centre: Western Electric's fourth rule
+const RANGE_LIMIT = 3.267; // D4 of a moving range of two
+
+/// First and last index of every run of at least RUN values on one side of the centre.
+export function runs(values, centre) {
+  const found = [];
+  let start = 0;
+  for (let i = 1; i <= values.length; ++i) {
+    if (i < values.length && values[i] > centre === values[start] > centre) continue;
+    if (i - start >= RUN) found.push([start, i - 1]);
+    start = i;
+  }
+  return found;
+}
+
+/// Individuals and moving range of the error at one level, with the rules that fired.
+export function controlCharts(level, valves) {
+  const points = valves.map((valve) => ({
+    value: valve.errors.find((error) => error.level_A === level.level_A)?.error_eq20, verdict: valve.verdict,
+    id: valve.submission_id, href: address("valve", valve.submission_id), serial: valve.serial ?? "without serial",
+  })).filter((point) => typeof point.value === "number");
+  for (const point of points) point.title = `${point.serial}: ${figure(point.value)}`;
+  if (level.centre === null) return el("p", { class: "empty" }, "Control limits need at least two valves.");
+  const outside = points.map((point, i) => (level.outside.includes(point.id) ? i : -1)).filter((i) => i >= 0);
+  const lines = [{ value: level.centre, title: `mean ${figure(level.centre)}`, kind: "centre" }, { value: level.upper_limit, title: `upper limit ${figure(level.upper_limit)}`, kind: "" }];
+  if (level.lower_limit > 0) lines.push({ value: level.lower_limit, title: `lower limit ${figure(level.lower_limit)}`, kind: "" });
+  const ranges = points.slice(1).map((point, i) => ({ ...point, value: Math.abs(point.value - points[i].value) }));
+  const mean = ranges.reduce((sum, point) => sum + point.value, 0) / ranges.length;
+  const wide = ranges.map((point, i) => (point.value > RANGE_LIMIT * mean ? i : -1)).filter((i) => i >= 0);
+  const fired = [
+    ...outside.map((i) => el("li", {}, el("a", { href: points[i].href }, points[i].serial), ` is outside the limits: ${figure(points[i].value)}`)),
+    ...runs(points.map((p) => p.value), level.centre).map(([from, to]) => el("li", {}, `${to - from + 1} valves in a row on one side of the mean, from ${points[from].serial} to ${points[to].serial}`)),
+    ...wide.map((i) => el("li", {}, "the step to ", el("a", { href: ranges[i].href }, ranges[i].serial), ` is larger than the moving range allows: ${figure(ranges[i].value)}`)),
+  ];
+  return el("div", {},
+    individualsChart({ points, lines, outside, label: `Error of each valve at ${level.level_A} A with control limits`, yTitle: "error (Eq 20)" }),
+    individualsChart({ points: ranges, outside: wide, height: 190, label: "Moving range of the error", yTitle: "moving range",
+      lines: [{ value: mean, title: `mean ${figure(mean)}`, kind: "centre" }, { value: RANGE_LIMIT * mean, title: `limit ${figure(RANGE_LIMIT * mean)}`, kind: "" }] }),
+    fired.length ? el("ul", {}, fired) : el("p", {}, "No rule fired: the lot varies no more than from valve to valve."));
+}
+
+/// The charts of one level, chosen by the reader; the choice stands in the address.
+function controlPart(history, parameters) {
+  if (history.levels.length === 0) return el("p", { class: "empty" }, "No valve of this lot was tested at a known level.");
+  const middle = history.levels[Math.floor(history.levels.length / 2)];
+  const levelOf = (text) => history.levels.find((level) => String(level.level_A) === text) ?? middle;
+  const place = el("div");
+  const show = (level) => place.replaceChildren(controlCharts(level, history.valves));
+  const choice = options(el("select", { onchange: () => {
+    keepInAddress({ level: choice.value });
+    show(levelOf(choice.value));
+  } }), history.levels.map((level) => [String(level.level_A), `${level.level_A.toFixed(1)} A`]), String(levelOf(parameters.get("level")).level_A));
+  show(levelOf(parameters.get("level")));
+  return el("div", {}, el("div", { class: "filters" }, field("Level", choice)), place);
+}
+
+function verdictBars(lot, verdicts) {
+  const names = ["Good", "Malfunctioned", "Severe"];
+  const all = Object.values(verdicts).reduce((sum, valves) => sum + valves, 0);
+  if (all === 0) return el("p", { class: "empty" }, "No valve of this lot has been analysed yet.");
+  const row = (name, text, valves, kind) => barRow(text, kind, valves / all, String(valves));
+  return el("table", { class: "bars" }, el("caption", {}, "Valves by verdict"), el("tbody", {},
+    names.map((name) => row(name, el("a", { href: address("valves", null, { lot, verdict: name }) }, name), verdicts[name] ?? 0, name.toLowerCase())),
+    verdicts.null ? row("null", "No verdict", verdicts.null, "floor") : null));
+}
+
+function valveTable(history) {
+  const levels = history.levels.map((level) => ({
+    title: `${level.level_A.toFixed(1)} A`, number: true,
+    value: (valve) => valve.errors.find((error) => error.level_A === level.level_A)?.error_eq20,
+    show: (valve) => figure(valve.errors.find((error) => error.level_A === level.level_A)?.error_eq20),
+  }));
+  return table([
+    { title: "Received", value: (valve) => valve.received_at, show: (valve) => time(valve.received_at) },
+    { title: "Serial", value: (valve) => valve.serial, show: (valve) => el("a", { href: address("valve", valve.submission_id) }, valve.serial ?? "without serial") },
+    { title: "Verdict", value: (valve) => valve.verdict, show: (valve) => verdictMark(valve.verdict) },
+    { title: "What is wrong", value: causeCell },
+    ...levels,
+  ], history.valves, { caption: "Valves, each by its newest result; the error (Eq 20) by level", empty: "No result yet." });
+}
+
+export async function showLot({ argument, parameters, signal }) {
+  const path = `/v1/lots/${encodeURIComponent(argument)}`;
+  const [lot, history] = await Promise.all([get(path, signal), get(`${path}/history`, signal)]);
+  const node = el("div", {},
+    el("h1", {}, "Lot ", argument),
+    el("p", {}, `${lot.valves} valves in ${lot.submissions} sessions, ${lot.analysed_valves} analysed; received `, time(lot.first_received_at), " to ", time(lot.last_received_at), ". ",
+      el("a", { href: address("valves", null, { lot: argument }) }, "All sessions")),
+    el("div", { class: "columns" }, section("Verdicts", verdictBars(argument, history.verdicts)), section("Causes", pareto(argument, history.valves))),
+    history.valves.length ? section("Verdicts over time", verdictColumns(history.valves)) : null,
+    section("Error over time", controlPart(history, parameters)),
+    section("Valves", valveTable(history)));
+  return { node, title: `Lot ${argument}` };
+}

@@ -1,0 +1,52 @@
+// Tables whose columns sort.
+import { el, keepInAddress } from "./dom.js";
+
+function compare(a, b) {
+  if (a === b) return 0;
+  if (a === null || a === undefined) return 1;
+  if (b === null || b === undefined) return -1;
+  return typeof a === "number" && typeof b === "number" ? a - b : String(a).localeCompare(String(b), undefined, { numeric: true });
+}
+
+/// columns  {title, unit, value(row), show(row), number}: `value` sorts, `show` (else the value) is shown
+/// options  caption; empty: what stands there without rows; sort: "title" or "-title"; keep: the sort order stands in the
+///          address; detail(row): class of the row
+export function table(columns, rows, { caption, empty = "Nothing here.", sort = "", keep = false, detail = () => null } = {}) {
+  if (rows.length === 0) return el("p", { class: "empty" }, empty);
+  const body = el("tbody");
+  const heads = columns.map((column) => headOf(column));
+  const head = el("thead", {}, el("tr", {}, heads));
+  let order = sort;
+
+  function headOf(column) {
+    const button = el("button", { type: "button", onclick: () => sortBy(order === column.title ? `-${column.title}` : column.title) },
+      column.title, column.unit ? el("span", { class: "unit" }, ` ${column.unit}`) : null);
+    return el("th", { scope: "col", class: column.number ? "number" : null }, button);
+  }
+
+  function fill() {
+    const down = order.startsWith("-");
+    const column = columns.find((c) => c.title === order.replace(/^-/, ""));
+    const shown = column ? [...rows].sort((a, b) => {
+      const [x, y] = [column.value(a), column.value(b)];
+      const missing = [x, y].some((v) => v === null || v === undefined);
+      return down && !missing ? compare(y, x) : compare(x, y);
+    }) : rows;
+    columns.forEach((c, i) => {
+      if (c === column) heads[i].setAttribute("aria-sort", down ? "descending" : "ascending");
+      else heads[i].removeAttribute("aria-sort");
+    });
+    body.replaceChildren(...shown.map((row) => el("tr", { class: detail(row) },
+      columns.map((c) => el("td", { class: c.number ? "number" : null }, c.show ? c.show(row) : c.value(row) ?? "–")))));
+  }
+
+  function sortBy(title) {
+    order = title;
+    if (keep) keepInAddress({ sort: title });
+    fill();
+  }
+
+  fill();
+  return el("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": caption },
+    el("table", {}, el("caption", {}, caption), head, body));
+}

@@ -1,0 +1,235 @@
+// Upload: files or folders are dropped, grouped into valves, sent a few at a time, and their analyses followed.
+import { Problem, authorization, get, pause } from "./api.js";
+import { address, append, el, field, options } from "./dom.js";
+import { bytes, isFinal, verdictMark } from "./format.js";
+import { problemText } from "./valve_view.js";
+
+const AT_A_TIME = 3;
+const HEAD_BYTES = 4096;
+const FILE = /\.(csv|txt|json|mat)(\.gz|\.zst)?$/i;
+const LABELS = ["serial", "lot", "valve_type", "stand"];
+const CONDITIONS = [["", "as the file says"], ["returned", "returned"], ["new", "new"], ["prototype", "prototype"], ["unknown", "unknown"]];
+
+/// Files of dropped items, folders walked through: [{file, folder}].
+async function droppedFiles(items) {
+  const found = [];
+  const walk = async (entry, folder) => {
+    if (entry.isFile) {
+      found.push({ file: await new Promise((resolve, reject) => entry.file(resolve, reject)), folder });
+      return;
+    }
+    const reader = entry.createReader();
+    for (;;) {
+      const some = await new Promise((resolve, reject) => reader.readEntries(resolve, reject));
+      if (some.length === 0) return;
+      for (const child of some) await walk(child, `${folder}/${entry.name}`);
+    }
+  };
+  for (const entry of [...items].map((item) => item.webkitGetAsEntry?.()).filter(Boolean)) await walk(entry, "");
+  return found;
+}
+
+/// `# key: value` lines at the head of a CSV file; nothing of other files.
+async function labelsOf(file) {
+  if (!/\.(csv|txt)$/i.test(file.name)) return {};
+  const text = await file.slice(0, HEAD_BYTES).text();
+  const labels = {};
+  for (const line of text.split(/\r?\n/)) {
+    if (!line.startsWith("#")) break;
+    const at = line.indexOf(":");
+    if (at > 0) labels[line.slice(1, at).trim()] = line.slice(at + 1).trim();
+  }
+  return labels;
+}
+
+/// Files that belong together: of one folder, else of one lot and serial, else each alone.
+async function grouped(found) {
+  const groups = new Map();
+  for (const { file, folder } of found) {
+    const labels = await labelsOf(file);
+    const key = folder || (labels.serial ? `${labels.lot ?? ""}\n${labels.serial}` : `${groups.size} ${file.name}`);
+    const group = groups.get(key) ?? groups.set(key, { files: [], labels, folder }).get(key);
+    group.files.push(file);
+  }
+  return [...groups.values()];
+}
+
+/// Sends one group; `onSent` hears the share that is sent. Resolves with the submission.
+function send(group, labels, onSent, signal) {
+  const form = new FormData();
+  for (const file of group.files) form.append("file", file, file.name);
+  const query = new URLSearchParams(Object.entries(labels).filter(([, value]) => value));
+  return new Promise((resolve, reject) => {
+    const request = new XMLHttpRequest();
+    request.open("POST", `/v1/submissions${query.size ? `?${query}` : ""}`);
+    for (const [name, value] of Object.entries(authorization())) request.setRequestHeader(name, value);
+    request.setRequestHeader("Idempotency-Key", group.key);
+    request.upload.addEventListener("progress", (event) => event.lengthComputable && onSent(event.loaded / event.total));
+    request.addEventListener("error", () => reject(new Error("The server cannot be reached. Nothing is lost: try again.")));
+    request.addEventListener("load", () => {
+      let answer = {};
+      try {
+        answer = JSON.parse(request.responseText);
+      } catch {
+        // No document: the status has to do.
+      }
+      if (request.status < 300) resolve(answer);
+      else reject(new Problem(answer, request.status));
+    });
+    signal.addEventListener("abort", () => request.abort());
+    request.send(form);
+  });
+}
+
+/// The row of one valve: its labels, what becomes of it, and a button to try again.
+function groupRow(group, defaults) {
+  const inputs = Object.fromEntries(LABELS.map((name) => [name, el("input", { value: group.labels[name] ?? "", placeholder: defaults[name].value || "–",
+    "aria-label": `${name} of ${group.files[0].name}`, spellcheck: "false" })]));
+  const bar = el("progress", { max: "1", value: "0", "aria-label": `progress of ${group.files[0].name}` });
+  const status = el("span", {}, "waits");
+  const retry = el("button", { type: "button", hidden: true }, "Try again");
+  const size = group.files.reduce((sum, file) => sum + file.size, 0);
+  const files = group.files.length === 1 ? group.files[0].name : `${group.folder.replace(/^\//, "") || "together"}: ${group.files.length} files`;
+  const row = el("tr", {}, el("td", { title: group.files.map((file) => file.name).join("\n") }, files), el("td", { class: "number" }, bytes(size)),
+    LABELS.map((name) => el("td", {}, inputs[name])), el("td", { class: "wide" }, bar, " ", status, " ", retry));
+  const say = (...text) => append(status, (status.replaceChildren(), text));
+  return {
+    row, retry,
+    /// Only what the files do not say themselves, or what was changed by hand.
+    labels: () => Object.fromEntries(LABELS.map((name) => {
+      const typed = inputs[name].value.trim();
+      return [name, group.labels[name] ? (typed !== group.labels[name] ? typed : "") : typed || defaults[name].value.trim()];
+    })),
+    progress: (share) => {
+      bar.hidden = false;
+      bar.value = share;
+    },
+    say,
+    end: (...text) => {
+      bar.hidden = true;
+      say(...text);
+    },
+  };
+}
+
+function mistake(error) {
+  return el("span", { class: "mistake" }, problemText(error.document?.detail ? error.document : null) || error.message);
+}
+
+/// Until the analysis of a submission has ended; a server that restarts meanwhile is waited for.
+async function followed(submission, row, signal) {
+  for (;;) {
+    let now = null;
+    try {
+      now = await get(`/v1/jobs/${submission.job_id}`, signal);
+    } catch (error) {
+      if (error instanceof Problem && error.status < 500) throw error;
+      row.say("the server does not answer; still trying");
+    }
+    if (now) {
+      row.progress(0.5 + 0.5 * now.progress);
+      row.say(now.state === "running" ? `analysing${now.progress_note ? `: ${now.progress_note}` : ""}` : now.state);
+      if (isFinal(now.state)) return get(`/v1/submissions/${submission.id}`, signal);
+    }
+    await pause(1000, signal);
+  }
+}
+
+function outcome(submission) {
+  const link = el("a", { href: address("valve", submission.id) }, submission.serial ?? "open");
+  if (submission.state === "done") return [verdictMark(submission.verdict), " ", link];
+  const problems = [submission.error, ...submission.recordings.map((r) => r.error)].filter(Boolean);
+  const said = [...new Set(problems.map(problemText))];
+  return [el("strong", {}, submission.state), " ", said.map((text) => el("span", { class: "mistake" }, text, " ")), link];
+}
+
+export async function showUpload({ signal }) {
+  const defaults = Object.fromEntries(LABELS.map((name) => [name, el("input", { spellcheck: "false", autocomplete: "off" })]));
+  const condition = options(el("select"), CONDITIONS, "");
+  const body = el("tbody");
+  const list = el("div", { class: "scroll", hidden: true }, el("table", {}, el("caption", {}, "Valves to upload"),
+    el("thead", {}, el("tr", {}, ["Files", "Size", "Serial", "Lot", "Valve type", "Stand", "State"].map((title) => el("th", { scope: "col" }, title)))), body));
+  const start = el("button", { type: "button", class: "primary", hidden: true }, "Upload");
+  const total = el("p", { role: "status" });
+  const waiting = [];
+  let ended = 0;
+  let all = 0;
+  let sending = 0;
+
+  async function run(group, row) {
+    row.retry.hidden = true;
+    try {
+      row.say("sending");
+      const submission = await send(group, { ...row.labels(), condition: condition.value }, (share) => row.progress(0.5 * share), signal);
+      row.say("queued");
+      followed(submission, row, signal).then((done) => row.end(...outcome(done)), (error) => !signal.aborted && row.end(mistake(error)))
+        .finally(() => showTotal(++ended));
+    } catch (error) {
+      if (signal.aborted) return;
+      row.end(mistake(error));
+      row.retry.hidden = false;
+    }
+  }
+
+  function showTotal() {
+    total.textContent = all ? `${ended} of ${all} valves have ended.` : "";
+  }
+
+  async function sendAll() {
+    start.hidden = true;
+    while (sending < AT_A_TIME && waiting.length > 0) {
+      ++sending;
+      const { group, row } = waiting.shift();
+      run(group, row).finally(() => {
+        --sending;
+        sendAll();
+      });
+    }
+  }
+
+  async function add(found) {
+    const fit = found.filter(({ file }) => FILE.test(file.name));
+    const ignored = found.length - fit.length;
+    for (const group of await grouped(fit)) {
+      group.key = crypto.randomUUID();
+      const row = groupRow(group, defaults);
+      row.retry.addEventListener("click", () => {
+        group.key = crypto.randomUUID();
+        waiting.push({ group, row });
+        sendAll();
+      });
+      body.append(row.row);
+      waiting.push({ group, row });
+      ++all;
+    }
+    list.hidden = body.rows.length === 0;
+    start.hidden = waiting.length === 0;
+    start.textContent = `Upload ${waiting.length} ${waiting.length === 1 ? "valve" : "valves"}`;
+    total.textContent = ignored ? `${ignored} files are no recordings (CSV, JSON or MAT) and were left out.` : "";
+  }
+
+  start.addEventListener("click", sendAll);
+  const chosen = (input) => add([...input.files].map((file) => ({ file, folder: file.webkitRelativePath.split("/").slice(0, -1).join("/") })));
+  const files = el("input", { type: "file", multiple: true, id: "choose-files", onchange: (event) => chosen(event.target) });
+  const folder = el("input", { type: "file", webkitdirectory: true, id: "choose-folder", onchange: (event) => chosen(event.target) });
+  const zone = el("div", { class: "drop",
+    ondragover: (event) => {
+      event.preventDefault();
+      zone.classList.add("over");
+    },
+    ondragleave: () => zone.classList.remove("over"),
+    ondrop: async (event) => {
+      event.preventDefault();
+      zone.classList.remove("over");
+      add(await droppedFiles(event.dataTransfer.items));
+    } },
+  el("p", { class: "big" }, "Drop recordings here"),
+  el("p", {}, "Files of one folder are one valve's session; other files go together by the lot and serial they name."),
+  el("div", { class: "filters" }, field("Choose files", files), field("Choose a folder", folder)));
+  const node = el("div", {}, el("h1", {}, "Upload"), zone,
+    el("fieldset", { class: "filters" }, el("legend", {}, "For files that do not say so themselves"),
+      field("Default serial", defaults.serial), field("Default lot", defaults.lot), field("Default valve type", defaults.valve_type),
+      field("Default stand", defaults.stand), field("Condition", condition)),
+    list, el("p", {}, start), total);
+  return { node, title: "Upload" };
+}

@@ -1,0 +1,294 @@
+// One valve: its verdict, what the simulation gets wrong, its recordings, what teardown found, its history.
+import { get, pause, post, save } from "./api.js";
+import { address, el, keepInAddress, section } from "./dom.js";
+import { findingsPart } from "./findings.js";
+import { bytes, conclusionWords, figure, isFinal, percent, quantity, scaled, spoken, time, verdictMark } from "./format.js";
+import { barRow, gainBars } from "./gain_bar.js";
+import { sessionColumns } from "./list_view.js";
+import { recordingPlots } from "./plots.js";
+import { table } from "./table.js";
+
+const LIMITS = { good: "good", malfunctioned: "malfunctioned", severe: "severe" };
+
+function facts(pairs) {
+  return el("dl", { class: "facts" }, pairs.filter(([, value]) => value).map(([name, value]) => el("div", {}, el("dt", {}, name), el("dd", {}, value))));
+}
+
+function membershipBars(memberships, caption) {
+  return el("table", { class: "bars" }, el("caption", {}, caption), el("tbody", {},
+    Object.keys(LIMITS).filter((name) => name in memberships)
+      .map((name) => barRow(spoken(name), name, memberships[name] ?? 0, figure(memberships[name], 2)))));
+}
+
+function levelTable(analysis) {
+  const unit = analysis.baseline.model.output_unit ?? "";
+  return table([
+    { title: "Level", unit: "A", value: (l) => l.level_A, show: (l) => l.level_A.toFixed(2), number: true },
+    { title: "Error (Eq 20)", value: (l) => l.error_eq20, show: (l) => figure(l.error_eq20), number: true },
+    { title: "Settling error", unit, value: (l) => l.settling_error, show: (l) => figure(l.settling_error), number: true },
+    { title: "Rise time", unit: "s", value: (l) => l.rise_time_s, show: (l) => figure(l.rise_time_s), number: true },
+  ], analysis.simulation.by_level, { caption: "Step response by current level, against the mean good valve", empty: "No recording steps to a known level." });
+}
+
+function ruleLists(classification) {
+  const levels = Object.entries(classification.per_level ?? {});
+  if (levels.length === 0) return null;
+  const base = classification.rule_base;
+  return el("details", {}, el("summary", {}, "Rules that fired"),
+    levels.map(([name, level]) => [
+      el("h3", {}, `Level ${name}: `, verdictMark(level.verdict)),
+      el("ul", {}, level.rules.filter((rule) => rule.strength > 0)
+        .map((rule) => el("li", {}, `${rule.rule} – strength ${figure(rule.strength, 2)}`)))]),
+    base ? el("p", { class: "small" }, `Rule base ${base.name}, version ${base.version}, sha256 `, el("code", {}, base.sha256.slice(0, 12))) : null);
+}
+
+/// The verdict stands before the sentence as a mark already.
+function withoutFirstWord(sentence, verdict) {
+  const rest = sentence.slice((verdict ?? "No verdict").length).replace(/^[:.]\s*/, "");
+  return rest ? rest[0].toUpperCase() + rest.slice(1) : "";
+}
+
+function verdictPart(analysis, summary) {
+  const { classification } = analysis;
+  const shown = Object.values(classification.memberships ?? {}).some((value) => value > 0);
+  return section("Verdict",
+    el("p", {}, el("span", { class: "big" }, verdictMark(classification.verdict)), " ", withoutFirstWord(summary.verdict, classification.verdict)),
+    el("div", { class: "columns" },
+      shown ? membershipBars(classification.memberships, "Membership, worst level") : null,
+      levelTable(analysis)),
+    ruleLists(classification));
+}
+
+function parameterTable(cause) {
+  const rows = Object.entries(cause.parameters).map(([name, p]) => {
+    const [factor, unit] = typeof p.value === "string" ? [1, p.unit] : scaled(p.value, p.unit);
+    const times = (value) => (typeof value === "number" ? value * factor : value);
+    return { name, unit, value: times(p.value), se: times(p.std_error), low: times(p.ci95?.[0]), high: times(p.ci95?.[1]),
+      mean: times(p.population_mean), sd: times(p.population_sd) };
+  });
+  if (rows.length === 0) return null;
+  return table([
+    { title: "Parameter", value: (r) => r.name, show: (r) => el("code", {}, r.name) },
+    { title: "Value", value: (r) => r.value, show: (r) => (typeof r.value === "string" ? r.value : figure(r.value)), number: true },
+    { title: "±", value: (r) => r.se, show: (r) => figure(r.se, 2), number: true },
+    { title: "95 % from", value: (r) => r.low, show: (r) => figure(r.low), number: true },
+    { title: "to", value: (r) => r.high, show: (r) => figure(r.high), number: true },
+    { title: "Unit", value: (r) => r.unit, show: (r) => r.unit || "–" },
+    { title: "Good valves", value: (r) => r.mean, show: (r) => (typeof r.mean === "number" ? `${figure(r.mean)} ± ${figure(r.sd, 2)}` : "–"), number: true },
+  ], rows, { caption: `Parameters of ${spoken(cause.cause).toLowerCase()}` });
+}
+
+function causePart(cause, sentence) {
+  return el("article", { class: "cause" },
+    el("h3", {}, spoken(cause.cause), el("span", { class: "chip" }, percent(cause.probability)),
+      el("span", { class: "chip" }, { valve: "valve", stand: "stand", either: "valve or stand" }[cause.origin])),
+    el("p", {}, sentence),
+    cause.alternatives.length ? el("p", {}, "Rivals: ", cause.alternatives.map((a) => el("span", { class: "chip" }, spoken(a)))) : null,
+    parameterTable(cause),
+    cause.evidence.length ? el("details", {}, el("summary", {}, "Evidence"), el("ul", {}, cause.evidence.map((line) => el("li", {}, line)))) : null);
+}
+
+function candidateTable(candidates) {
+  const words = { tested: "tested", not_excited: "not excited", not_identifiable: "cannot be told here" };
+  return el("details", {}, el("summary", {}, `All ${candidates.length} explanations that were considered`), table([
+    { title: "Explanation", value: (c) => spoken(c.cause) },
+    { title: "Probability", value: (c) => c.probability, show: (c) => (c.status === "tested" ? percent(c.probability) : "–"), number: true },
+    { title: "Status", value: (c) => words[c.status] },
+    { title: "Why", value: (c) => c.reason },
+  ], candidates, { caption: "Candidates" }));
+}
+
+function findingTable(findings) {
+  if (findings.length === 0) return null;
+  return el("details", {}, el("summary", {}, "What the residual depends on"), table([
+    { title: "On", value: (f) => f.what },
+    { title: "Where", value: (f) => f.where },
+    { title: "Share", value: (f) => f.share_of_structured_residual, show: (f) => percent(f.share_of_structured_residual), number: true },
+    { title: "p", value: (f) => f.p_value, show: (f) => figure(f.p_value, 2), number: true },
+  ], findings, { caption: "Structure in the residual" }));
+}
+
+function nextTestPart(test, sentence, name) {
+  if (!test) return null;
+  const file = `${name}-next-test.csv`;
+  return el("p", { class: "next" }, sentence, " ",
+    test.input_csv ? el("button", { type: "button", onclick: () => save(file, new Blob([test.input_csv], { type: "text/csv" })) }, "Download its current") : null);
+}
+
+function discrepancyPart(analysis, summary, name) {
+  const found = analysis.discrepancy;
+  const title = "What the simulation gets wrong";
+  if (!found) return section(title, el("p", {}, summary.discrepancy));
+  const unit = analysis.baseline.model.output_unit ?? "";
+  return section(title,
+    el("p", { class: `conclusion ${found.conclusion}` }, el("strong", {}, conclusionWords(found.conclusion)), " ", summary.discrepancy, " ", summary.fault),
+    el("div", { class: "columns uneven" },
+      el("div", {}, found.causes.map((cause, i) => causePart(cause, summary.causes[i] ?? ""))),
+      found.causes.length ? gainBars(found.gain, unit) : null),
+    summary.gain ? el("p", {}, summary.gain) : null,
+    nextTestPart(found.next_test, summary.next_test, name),
+    findingTable(found.findings),
+    summary.upper_limits.length ? el("details", {}, el("summary", {}, "What these recordings exclude"), el("ul", {}, summary.upper_limits.map((line) => el("li", {}, line)))) : null,
+    candidateTable(found.candidates));
+}
+
+function qualityList(summary) {
+  if (!summary || summary.quality.length === 0) return el("p", { class: "small" }, "Nothing odd about this recording.");
+  return el("ul", { class: "quality" }, summary.quality.map((item) => el("li", {}, el("strong", {}, spoken(item.code)), `, ${item.count} ${item.count === 1 ? "sample" : "samples"}: ${item.detail}`)));
+}
+
+function downloadLinks(recording) {
+  const csv = (what) => el("button", { type: "button", class: "link", onclick: () => save(`${recording.name}-${what}.csv`, `${recording.links.series}?what=${what}&points=20000&format=csv`) }, `${what} (CSV)`);
+  return el("p", { class: "downloads" },
+    el("button", { type: "button", class: "link", onclick: () => save(recording.name, recording.links.raw) }, `raw file (${bytes(recording.size_bytes)})`),
+    ["measured", "simulated", "residual"].map(csv));
+}
+
+/// The recordings, one of them drawn; the choice and the visible range stand in the address.
+function recordingsPart(submission, analysis, parameters, signal) {
+  const summaries = new Map((analysis?.recordings ?? []).map((r) => [r.sha256, r]));
+  const figures = new Map((analysis?.simulation.per_recording ?? []).map((r) => [r.name, r]));
+  const unit = analysis?.baseline.model.output_unit ?? "";
+  const holder = el("div", { class: "drawn" });
+  let drawing = new AbortController();
+  signal.addEventListener("abort", () => drawing.abort());
+
+  function draw(recording, range) {
+    drawing.abort();
+    drawing = new AbortController();
+    for (const radio of choices) radio.checked = radio.value === recording.id;
+    const summary = summaries.get(recording.sha256);
+    const numbers = figures.get(recording.name);
+    const model = (document) => JSON.stringify(document ?? null);
+    const extended = Boolean(analysis) && model(analysis.extended_model) !== model(analysis.baseline.model);
+    const plots = analysis ? recordingPlots(recording, { extended, range, signal: drawing.signal }) : null;
+    holder.replaceChildren(
+      facts([["Test", summary?.test ?? recording.test], ["Samples", summary ? `${summary.samples} at ${figure(summary.sample_rate_hz, 4)} Hz` : null],
+        ["Error of the simulation", numbers ? `${quantity(numbers.rmse, unit)} rms` : null],
+        ["Noise alone", numbers ? `${quantity(numbers.noise_floor, unit)} rms` : null], ["Fit", numbers ? `${figure(numbers.fit_percent, 4)} %` : null]]),
+      plots?.node ?? "", qualityList(summary), downloadLinks(recording));
+    plots?.shown();
+  }
+
+  const choices = submission.recordings.map((recording) => el("input", { type: "radio", name: "recording", value: recording.id,
+    onchange: () => {
+      keepInAddress({ recording: recording.id, from: null, to: null });
+      draw(recording, null);
+    } }));
+  const chosen = submission.recordings.find((r) => r.id === parameters.get("recording")) ?? submission.recordings.find((r) => summaries.get(r.sha256)?.test === "step") ?? submission.recordings[0];
+  const range = parameters.has("from") ? { from: Number(parameters.get("from")), to: Number(parameters.get("to")) } : null;
+  return {
+    node: section("Recordings",
+      el("fieldset", { class: "choices" }, el("legend", {}, "Recording"),
+        submission.recordings.map((recording, i) => el("label", {}, choices[i], " ", recording.name))),
+      holder),
+    shown: () => chosen && draw(chosen, range),
+  };
+}
+
+/// The state of a session without a result: progress, or what was wrong with its files.
+function waitingPart(submission, job, again, signal) {
+  const bar = el("progress", { max: "1", "aria-label": "Progress of the analysis" });
+  const note = el("span", { role: "status" });
+  const showJob = (row) => {
+    bar.value = row.progress;
+    note.textContent = ` ${row.state}${row.progress_note ? `: ${row.progress_note}` : ""}`;
+  };
+  showJob(job);
+  const watch = async () => {
+    for (;;) {
+      await pause(1000, signal);
+      const row = await get(`/v1/jobs/${job.id}`, signal);
+      showJob(row);
+      if (isFinal(row.state)) return again();
+    }
+  };
+  return { node: section("Analysis", el("p", {}, bar, note)), shown: () => watch().catch(() => {}) };
+}
+
+export function problemText(problem) {
+  if (!problem) return "";
+  const at = [problem.file, problem.line ? `line ${problem.line}` : null, problem.column ? `column ${problem.column}` : null].filter(Boolean);
+  return `${problem.detail}${at.length && !problem.detail?.includes("line") ? ` (${at.join(", ")})` : ""}`;
+}
+
+function failedPart(submission) {
+  const files = submission.recordings.filter((r) => r.error);
+  return section("No result",
+    el("p", { class: "conclusion unexplained" }, el("strong", {}, spoken(submission.state)), " ", problemText(submission.error)),
+    files.length ? el("ul", {}, files.map((r) => el("li", {}, `${r.name}: `, problemText(r.error)))) : null);
+}
+
+function head(submission, analysis, again, status) {
+  const name = submission.serial ?? "Valve without serial";
+  const base = submission.links.self;
+  const reanalyze = async () => {
+    try {
+      await post(`${base}/reanalyze`);
+      status.textContent = "A new analysis is queued; this one stays until it is there.";
+    } catch (error) {
+      status.textContent = error.message;
+    }
+  };
+  return el("div", {},
+    el("h1", {}, name),
+    facts([["Serial", submission.serial ? el("a", { href: address("serial", submission.serial) }, "history") : null],
+      ["Lot", submission.lot ? el("a", { href: address("lot", submission.lot) }, submission.lot) : null], ["Type", submission.valve_type],
+      ["Stand", submission.stand], ["Condition", submission.condition], ["Received", time(submission.received_at)],
+      ["Compared with", analysis?.baseline.reason]]),
+    el("p", { class: "downloads" },
+      analysis ? el("button", { type: "button", class: "link", onclick: () => save(`${name}.json`, `${base}/analysis`) }, "analysis (JSON)") : null,
+      isFinal(submission.state) ? el("button", { type: "button", class: "link", onclick: reanalyze }, "analyse again") : null, status));
+}
+
+async function result(submission, signal) {
+  if (submission.state !== "done") return null;
+  const [analysis, summary] = await Promise.all([get(`${submission.links.self}/analysis`, signal), get(`${submission.links.self}/summary`, signal)]);
+  return { analysis, summary };
+}
+
+function makingPart(analysis, analyses) {
+  const columns = [
+    { title: "Made", value: (a) => a.created_at, show: (a) => time(a.created_at) },
+    { title: "Verdict", value: (a) => a.verdict, show: (a) => verdictMark(a.verdict) },
+    { title: "Engine", value: (a) => a.engine_version },
+    { title: "Settings", value: (a) => a.settings_sha256, show: (a) => el("code", { title: a.settings_sha256 }, a.settings_sha256.slice(0, 12)) },
+    { title: "Result", value: (a) => a.result_sha256, show: (a) => el("code", { title: a.result_sha256 }, a.result_sha256.slice(0, 12)) },
+  ];
+  return section("How it was made",
+    table(columns, analyses, { caption: "All analyses of this session; nothing is overwritten" }),
+    el("details", {}, el("summary", {}, "Input files"), el("ul", {}, analysis.recordings.map((r) => el("li", {}, `${r.name} `, el("code", {}, r.sha256))))));
+}
+
+export async function showValve({ argument, parameters, signal, again }) {
+  const submission = await get(`/v1/submissions/${encodeURIComponent(argument)}`, signal);
+  const [found, job, analyses, findings] = await Promise.all([
+    result(submission, signal), get(`/v1/jobs/${submission.job_id}`, signal),
+    submission.state === "done" ? get(`${submission.links.self}/analyses`, signal) : { items: [] },
+    submission.serial ? findingsPart(submission.serial, signal) : null]);
+  const name = submission.serial ?? submission.id;
+  const parts = [head(submission, found?.analysis, again, el("span", { role: "status" }))];
+  const later = [];
+  const add = (part) => {
+    parts.push(part.node);
+    later.push(part.shown);
+  };
+  if (!isFinal(job.state)) add(waitingPart(submission, job, again, signal));
+  if (isFinal(submission.state) && !found) parts.push(failedPart(submission));
+  if (found) parts.push(verdictPart(found.analysis, found.summary), discrepancyPart(found.analysis, found.summary, name));
+  add(recordingsPart(submission, found?.analysis, parameters, signal));
+  if (findings) parts.push(section("Teardown", findings.node));
+  if (found) parts.push(makingPart(found.analysis, analyses.items));
+  return { node: el("div", {}, parts), title: name, shown: () => later.forEach((start) => start()) };
+}
+
+/// Every session of one serial number, and what teardown found.
+export async function showSerial({ argument, signal }) {
+  const { valve, node } = await findingsPart(argument, signal);
+  return {
+    node: el("div", {}, el("h1", {}, `History of ${argument}`),
+      section("Sessions", table(sessionColumns, valve.submissions, { caption: "Sessions of this serial, newest first", empty: "This serial has no recordings." })),
+      section("Teardown", node)),
+    title: argument,
+  };
+}

@@ -1,0 +1,204 @@
+"""The page in a real Chromium, against a real server whose analyser answers at once with the schema's example.
+
+usage: page_test.py CHROMIUM SERVER [PICTURES]      SERVER is contract_http; PICTURES a folder for screenshots
+"""
+import json
+import math
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+import urllib.parse
+import urllib.request
+
+sys.path.insert(0, str(pathlib.Path(__file__).parent))
+from chromium import Chromium  # noqa: E402
+
+HOSTILE = '<img src=x onerror="window.hacked=1">'
+
+
+def recording(serial, lot, bad_line=None):
+    """Steps at 200 Hz with a first-order response."""
+    lines = [f"# serial: {serial}", f"# lot: {lot}", "# test: step", "time_s,current_A,pressure_psi"]
+    pressure = 26.0
+    for i in range(400):
+        current = 1.2 if i < 100 else 1.6 if i < 250 else 1.4
+        pressure += 0.08 * (26 + 150 * (current - 1.2) - pressure)
+        lines.append(f"{0.005 * i:.4f},{current:.4f},{pressure + 0.05 * math.sin(i * i):.3f}")
+    if bad_line is not None:
+        lines[bad_line - 1] = "0.1,1.2,n/a"
+    return "\n".join(lines) + "\n"
+
+
+class Server:
+    def __init__(self, binary, folder):
+        self._process = subprocess.Popen([binary, "serve", folder], stdout=subprocess.PIPE, text=True)
+        self.url = f"http://127.0.0.1:{int(self._process.stdout.readline())}"
+
+    def end(self):
+        self._process.terminate()
+        self._process.wait()
+        self._process.stdout.close()
+
+    def get(self, path):
+        with urllib.request.urlopen(self.url + path) as answer:
+            return json.loads(answer.read())
+
+
+class Page(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls._folder = tempfile.TemporaryDirectory(prefix="valvetriage-")
+        cls.folder = pathlib.Path(cls._folder.name)
+        (cls.folder / "data").mkdir()
+        cls.server = Server(SERVER, str(cls.folder / "data"))
+        cls.browser = Chromium(CHROMIUM)
+        cls.browser.__enter__()
+        cls.files = [cls.folder / name for name in ("good.csv", "bad.csv", f"{HOSTILE.replace('/', '')}.csv")]
+        cls.files[0].write_text(recording("EFC-104233", "2026-W31-B"))
+        cls.files[1].write_text(recording("EFC-104234", "2026-W31-B", bad_line=9))
+        cls.files[2].write_text(recording(HOSTILE, HOSTILE))
+        cls.upload()
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.browser.__exit__()
+        cls.server.end()
+        cls._folder.cleanup()
+
+    @classmethod
+    def upload(cls):
+        cls.open("/upload", "Drop recordings here")
+        cls.browser.set_files("#choose-files", cls.files)
+        cls.browser.wait_for_text("Upload 3 valves")
+        cls.browser.run("document.querySelector('button.primary').click()")
+        cls.browser.wait_for_text("3 of 3 valves have ended.")
+        cls.uploaded = cls.browser.text()
+        cls.picture("upload")
+
+    @classmethod
+    def open(cls, address, text):
+        cls.browser.open("about:blank")
+        cls.browser.open(f"{cls.server.url}/#{address}")
+        cls.browser.wait_for_text(text)
+
+    @classmethod
+    def picture(cls, name):
+        if PICTURES:
+            cls.browser.screenshot(f"{PICTURES}/{name}.png")
+
+    def tearDown(self):
+        self.assertEqual(self.browser.errors, [])
+
+    def session(self, serial):
+        return self.server.get(f"/v1/submissions?serial={urllib.parse.quote(serial, safe='')}")["items"][0]
+
+    def open_valve(self, serial, parameters=""):
+        self.open(f"/valve/{self.session(serial)['id']}{parameters}", "What the simulation gets wrong")
+        self.browser.wait("document.querySelectorAll('.plots canvas').length >= 3")
+        self.browser.wait("!document.querySelector('.plots').innerText.includes('Loading')")
+
+    def test_an_upload_ends_with_the_verdict_or_with_the_place_of_the_mistake(self):
+        self.assertIn("● Good EFC-104233", self.uploaded)
+        self.assertRegex(self.uploaded, r"rejected .*line 9")
+        self.assertIn("n/a", self.uploaded)
+
+    def test_the_list_filters_and_its_address_can_be_sent(self):
+        self.open("/valves", "Test sessions")
+        self.assertEqual(self.browser.run("document.querySelectorAll('tbody tr').length"), 3)
+        self.browser.run("document.getElementById('f-lot').value = '2026-W31-B'")
+        self.browser.run("document.querySelector('form.filters').requestSubmit()")
+        self.browser.wait("document.querySelectorAll('tbody tr').length === 2")
+        address = self.browser.run("location.hash")
+        self.assertIn("lot=2026-W31-B", address)
+        self.open(address.removeprefix("#"), "EFC-104234")
+        self.assertEqual(self.browser.run("document.querySelectorAll('tbody tr').length"), 2)
+        self.picture("list")
+
+    def test_a_table_sorts_by_its_heads(self):
+        self.open("/valves", "Test sessions")
+        serials = "[...document.querySelectorAll('tbody tr td:nth-child(2)')].map((cell) => cell.innerText)"
+        click = "[...document.querySelectorAll('thead button')].find((b) => b.innerText.startsWith('Serial')).click()"
+        self.browser.run(click)
+        rising = self.browser.run(serials)
+        self.browser.run(click)
+        self.assertEqual(self.browser.run(serials), rising[::-1])
+        self.assertEqual(self.browser.run("document.querySelector('[aria-sort]').getAttribute('aria-sort')"), "descending")
+        self.assertIn("sort=-Serial", self.browser.run("location.hash"))
+
+    def test_a_valve_shows_its_cause_with_interval_and_unit(self):
+        self.open_valve("EFC-104233")
+        text = self.browser.text()
+        self.assertIn("The simulation is wrong because it lacks friction.", text)
+        self.assertIn("It is the valve's fault.", text)
+        self.assertIn("Breakaway 20 mA (95 %: 18 mA to 22 mA)", text)
+        self.assertIn("holds until the current has moved 20 mA", self.browser.run("document.body.textContent"))
+        self.picture("valve")
+
+    def test_zooming_by_buttons_stays_in_the_address(self):
+        self.open_valve("EFC-104233")
+        self.browser.run("document.querySelector('[aria-label=\"zoom in\"]').click()")
+        self.browser.wait("location.hash.includes('from=')")
+        address = self.browser.run("location.hash")
+        self.open_valve("EFC-104233", address[address.index("?"):])
+        self.assertEqual(self.browser.run("location.hash"), address)
+
+    def test_a_finding_is_stored(self):
+        self.open_valve("EFC-104233")
+        self.browser.run("""{
+          const form = document.querySelector('form.finding');
+          form.querySelector('select').value = 'friction';
+          form.querySelector('input').value = 'J. Meyer';
+          form.querySelector('textarea').value = '<b>scored</b> spool';
+          form.requestSubmit();
+        }""")
+        self.browser.wait_for_text("Stored.")
+        self.assertIn("<b>scored</b> spool", self.browser.text())
+        self.assertEqual(self.server.get("/v1/valves/EFC-104233")["findings"][0]["cause"], "friction")
+
+    def test_what_a_user_wrote_stays_text(self):
+        self.open("/valves", HOSTILE)
+        self.open_valve(HOSTILE)
+        self.assertIn(HOSTILE, self.browser.text())
+        quoted = urllib.parse.quote(HOSTILE, safe="")
+        self.open(f"/serial/{quoted}", HOSTILE)
+        self.open(f"/lot/{quoted}", HOSTILE)
+        self.browser.wait_for_text("Valves by verdict")
+        self.assertIsNone(self.browser.run("document.querySelector('main img')"))
+        self.assertIsNone(self.browser.run("window.hacked ?? null"))
+
+    def test_a_lot_counts_its_valves(self):
+        self.open("/lots", "2026-W31-B")
+        self.open("/lot/2026-W31-B", "Valves by verdict")
+        self.assertIn("2 valves in 2 sessions, 1 analysed", self.browser.text())
+        self.picture("lot")
+
+    def test_a_lot_names_the_rules_that_fired(self):
+        self.open("/lot/2026-W31-B", "Error over time")
+        self.assertEqual(self.browser.run("import('/web/lot_view.js').then((m) => m.runs([1, 5, 5, 5, 5, 5, 5, 5, 5, 1, 5], 3))"), [[1, 8]])
+        self.assertEqual(self.browser.run("import('/web/lot_view.js').then((m) => m.runs([5, 5, 5, 5, 5, 5, 5, 1], 3))"), [])
+        self.assertEqual(self.browser.run("import('/web/chart.js').then((m) => m.ticks(0, 0.35))"), [0, 0.1, 0.2, 0.3])
+        self.browser.run("""import('/web/lot_view.js').then((m) => {
+          const errors = [10, 11, 10, 11, 10, 11, 10, 11, 10, 90];
+          const valves = errors.map((error, i) => ({submission_id: `sub_${i}`, serial: `S${i}`, verdict: 'Good', errors: [{level_A: 1.4, error_eq20: error}]}));
+          const level = {level_A: 1.4, centre: 18.4, upper_limit: 45, lower_limit: 0, outside: ['sub_9']};
+          document.querySelector('main').replaceChildren(m.controlCharts(level, valves));
+        })""")
+        text = self.browser.text()
+        self.assertIn("S9 is outside the limits: 90.0", text)
+        self.assertIn("9 valves in a row on one side of the mean, from S0 to S8", text)
+        self.assertIn("the step to S9 is larger than the moving range allows: 80.0", text)
+        self.assertEqual(self.browser.run("document.querySelectorAll('.lot-chart .ring').length"), 2)
+
+    def test_a_missing_valve_says_so(self):
+        self.browser.open("about:blank")
+        self.browser.open(f"{self.server.url}/#/valve/sub_none")
+        self.browser.wait_for_text("there is no submission 'sub_none'")
+        self.browser.errors.clear()  # the console notes the 404
+
+
+if __name__ == "__main__":
+    CHROMIUM, SERVER = sys.argv[1:3]
+    PICTURES = sys.argv[3] if len(sys.argv) > 3 else None
+    unittest.main(argv=sys.argv[:1], verbosity=2)

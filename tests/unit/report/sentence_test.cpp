@@ -1,0 +1,117 @@
+#include "server/report/sentence.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+namespace valvetriage::report {
+namespace {
+
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+
+NamedCause sticking() {
+  NamedCause cause{.cause = "friction", .family = "memory", .origin = "valve", .probability = 0.97};
+  cause.parameters.emplace_back(
+      "breakaway_A", ParameterEstimate{.value = 0.0183, .std_error = 0.0004, .ci95 = {0.0175, 0.0191}, .unit = "A"});
+  return cause;
+}
+
+Analysis with(Conclusion conclusion, std::vector<NamedCause> causes = {}) {
+  Analysis analysis;
+  analysis.baseline.model.output_unit = "psi";
+  analysis.discrepancy.emplace();
+  analysis.discrepancy->conclusion = conclusion;
+  analysis.discrepancy->causes = std::move(causes);
+  analysis.discrepancy->gain = {.heldout = "each recording in turn",
+                                .rmse_baseline = 2.4,
+                                .rmse_extended = 0.4,
+                                .rmse_black_box = kNone,
+                                .noise_floor = 0.35};
+  return analysis;
+}
+
+TEST(Sentence, OfANamedCauseSaysWhatIsWrongHowSurelyAndHowMuch) {
+  const Summary summary = summarise(with(Conclusion::kNamed, {sticking()}));
+  EXPECT_EQ(summary.discrepancy, "The simulation is wrong because it lacks friction.");
+  EXPECT_EQ(summary.fault, "It is the valve's fault.");
+  ASSERT_EQ(summary.causes.size(), 1u);
+  EXPECT_EQ(summary.causes[0],
+            "Friction: sticks until the force difference passes breakaway, then slips (stiction, Coulomb). Probability "
+            "97 %. Breakaway 18.3 mA (95 %: 17.5 mA to 19.1 mA).");
+  EXPECT_EQ(summary.gain,
+            "On data it was not fitted to (each recording in turn), the simulation's error goes from 2.4 psi to 0.4 "
+            "psi; noise alone is 0.35 psi.");
+}
+
+TEST(Sentence, LeavesOutWhereALoopHappenedToBegin) {
+  NamedCause loop{.cause = "hysteresis", .family = "memory", .origin = "valve", .probability = 0.99};
+  for (const char* name : {"width_A", "memory"}) {
+    loop.parameters.emplace_back(name, ParameterEstimate{.value = 0.5, .ci95 = {0.4, 0.6}});
+  }
+  const std::string sentence = summarise(with(Conclusion::kNamed, {loop})).causes.at(0);
+  EXPECT_NE(sentence.find("Width 0.5 (95 %: 0.4 to 0.6)."), std::string::npos) << sentence;
+  EXPECT_EQ(sentence.find("memory 0.5"), std::string::npos) << sentence;
+}
+
+TEST(Sentence, OfAnAmbiguousResultNamesNoFaultAndAllRivals) {
+  NamedCause cause = sticking();
+  cause.alternatives = {"backlash", "dead_band"};
+  const Summary summary = summarise(with(Conclusion::kAmbiguous, {cause}));
+  EXPECT_NE(summary.discrepancy.find("do not settle what"), std::string::npos);
+  EXPECT_NE(summary.causes[0].find("The recordings do not tell it from backlash or dead band."), std::string::npos);
+  EXPECT_EQ(summary.fault, "");
+}
+
+TEST(Sentence, OfAnUnexplainedResultSaysThatItIsNotKnown) {
+  const Summary summary = summarise(with(Conclusion::kUnexplained));
+  EXPECT_NE(summary.discrepancy.find("It is not known what"), std::string::npos);
+  EXPECT_EQ(summary.fault + summary.gain, "");
+}
+
+TEST(Sentence, TellsTheStandsFaultFromTheValves) {
+  NamedCause offset{.cause = "sensor_offset", .family = "slow", .origin = "stand", .probability = 0.99};
+  EXPECT_EQ(summarise(with(Conclusion::kNamed, {offset})).fault, "It is the stand's fault, not the valve's.");
+  EXPECT_EQ(summarise(with(Conclusion::kNamed, {offset, sticking()})).fault,
+            "Partly it is the valve's fault, partly the stand's.");
+  NamedCause delay{.cause = "transport_delay", .family = "timing", .origin = "either", .probability = 0.99};
+  EXPECT_EQ(summarise(with(Conclusion::kNamed, {delay})).fault, "It can be the valve's fault or the stand's.");
+}
+
+TEST(Sentence, OfAVerdictSaysWhatToDoAndWhatTheStandIsToBlameFor) {
+  Analysis analysis = with(Conclusion::kNone);
+  analysis.classification.verdict = "Malfunctioned";
+  analysis.classification.explanation = "at 1.4 A";
+  analysis.classification.action = "retest";
+  analysis.classification.without_stand_causes = "Good";
+  EXPECT_EQ(summarise(analysis).verdict,
+            "Malfunctioned: at 1.4 A. Without what is the stand's fault it would be Good. Test the valve again.");
+}
+
+TEST(Sentence, SaysWhatTheRecordingsExclude) {
+  Analysis analysis = with(Conclusion::kNone);
+  analysis.discrepancy->candidates = {{.cause = "friction",
+                                       .status = CandidateStatus::kTested,
+                                       .reason = "",
+                                       .upper_limit95 = {{"breakaway_A", 0.006}}}};
+  EXPECT_EQ(summarise(analysis).upper_limits,
+            std::vector<std::string>{"Friction with breakaway above 6 mA is excluded"});
+}
+
+TEST(Quantity, UsesTheUnitAPersonWould) {
+  EXPECT_EQ(quantity(0.0183, "A"), "18.3 mA");
+  EXPECT_EQ(quantity(1.8, "A"), "1.8 A");
+  EXPECT_EQ(quantity(0, "s"), "0 s");
+  EXPECT_EQ(quantity(0.0125, "psi"), "0.0125 psi");
+  EXPECT_EQ(quantity(-2.5, ""), "-2.5");
+  EXPECT_EQ(quantity(kNone, "psi"), "unknown");
+}
+
+TEST(Percent, NeverClaimsCertainty) {
+  EXPECT_EQ(percent(1), "over 99 %");
+  EXPECT_EQ(percent(0), "under 1 %");
+  EXPECT_EQ(percent(0.5), "50 %");
+}
+
+}  // namespace
+}  // namespace valvetriage::report
