@@ -1,5 +1,6 @@
 // One valve: its verdict, what the simulation gets wrong, its recordings, what teardown found, its history.
 import { get, pause, post, save } from "./api.js";
+import { bodeChart } from "./bode_chart.js";
 import { address, el, keepInAddress, section } from "./dom.js";
 import { findingsPart } from "./findings.js";
 import { bytes, conclusionWords, figure, isFinal, percent, quantity, scaled, spoken, time, verdictMark } from "./format.js";
@@ -144,6 +145,17 @@ function downloadLinks(recording) {
     ["measured", "simulated", "residual"].map(csv));
 }
 
+/// Gain and phase where the recording is a sweep, with the figures read off them.
+function responsePart(analysis, recording) {
+  const entry = analysis?.frequency_response.find((response) => response.recordings?.includes(recording.sha256));
+  if (!entry) return null;
+  const { input_unit: input, output_unit: output } = analysis.baseline.model;
+  const chart = bodeChart(entry, output && input ? `${output}/${input}` : "");
+  const features = Object.entries(entry.features ?? {}).filter(([, f]) => typeof f.value === "number");
+  return el("div", {}, el("h3", {}, "Frequency response"), chart ?? el("p", { class: "empty" }, entry.refused || "No frequency response could be measured."),
+    features.length ? facts(features.map(([name, f]) => [spoken(name), `${quantity(f.value, f.unit)}${f.std_error ? ` ± ${quantity(f.std_error, f.unit)}` : ""}`])) : null);
+}
+
 /// The recordings, one of them drawn; the choice and the visible range stand in the address.
 function recordingsPart(submission, analysis, parameters, signal) {
   const summaries = new Map((analysis?.recordings ?? []).map((r) => [r.sha256, r]));
@@ -166,7 +178,7 @@ function recordingsPart(submission, analysis, parameters, signal) {
       facts([["Test", summary?.test ?? recording.test], ["Samples", summary ? `${summary.samples} at ${figure(summary.sample_rate_hz, 4)} Hz` : null],
         ["Error of the simulation", numbers ? `${quantity(numbers.rmse, unit)} rms` : null],
         ["Noise alone", numbers ? `${quantity(numbers.noise_floor, unit)} rms` : null], ["Fit", numbers ? `${figure(numbers.fit_percent, 4)} %` : null]]),
-      plots?.node ?? "", qualityList(summary), downloadLinks(recording));
+      plots?.node ?? "", responsePart(analysis, recording) ?? "", qualityList(summary), downloadLinks(recording));
     plots?.shown();
   }
 

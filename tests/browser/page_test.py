@@ -191,6 +191,25 @@ class Page(unittest.TestCase):
         self.assertIn("the step to S9 is larger than the moving range allows: 80.0", text)
         self.assertEqual(self.browser.run("document.querySelectorAll('.lot-chart .ring').length"), 2)
 
+    def test_a_sweep_shows_gain_and_phase_over_frequency(self):
+        self.open("/lots", "2026-W31-B")
+        self.assertEqual(self.browser.run("import('/web/bode_chart.js').then((m) => m.decades(0.09, 21))"), [0.1, 0.2, 0.5, 1, 2, 5, 10, 20])
+        self.assertEqual(self.browser.run("import('/web/bode_chart.js').then((m) => m.decades(0.01, 100))"), [0.01, 0.1, 1, 10, 100])
+        self.browser.run("""import('/web/bode_chart.js').then((m) => {
+          const frequency_hz = [...Array(40).keys()].map((i) => 0.1 * 1.15 ** i);
+          const gain = frequency_hz.map((f) => 120 / Math.hypot(1, f / 3));
+          const entry = {frequency_hz, gain, band95: gain.map((g) => [0.9 * g, 1.1 * g]), phase_deg: frequency_hz.map((f) => -57.3 * Math.atan(f / 3))};
+          document.querySelector('main').replaceChildren(m.bodeChart(entry, 'psi/A'));
+        })""")
+        text = self.browser.run("document.querySelector('svg').textContent")
+        self.assertIn("gain [psi/A]", text)
+        self.assertIn("phase [°]", text)
+        self.assertIn("frequency [Hz]", text)
+        self.assertEqual(self.browser.run("document.querySelectorAll('svg .response').length"), 2)
+        self.assertNotIn("NaN", self.browser.run("document.querySelector('svg').outerHTML"))
+        self.assertIsNone(self.browser.run("import('/web/bode_chart.js').then((m) => m.bodeChart({frequency_hz: [], gain: [], band95: [], phase_deg: []}, ''))"))
+        self.picture("bode")
+
     def test_a_missing_valve_says_so(self):
         self.browser.open("about:blank")
         self.browser.open(f"{self.server.url}/#/valve/sub_none")
