@@ -86,8 +86,8 @@ struct Analysis {
   std::vector<RecordingSummary> recordings;
   Baseline baseline;
   Simulation simulation;
-  std::optional<Discrepancy> discrepancy;  ///< empty: not looked for
-  Model extended_model;                    ///< the baseline's model where nothing was added
+  std::optional<Discrepancy> discrepancy;           ///< empty: not looked for
+  Model extended_model;                             ///< the baseline's model where nothing was added
   std::vector<FrequencyResult> frequency_response;  ///< by rising amplitude
   ClassificationResult classification;
   /// What `series` shows: free runs on each recording's grid, not part of the JSON document.

@@ -105,10 +105,11 @@ QualityItem outside_item(const Reference& reference, std::size_t count) {
 constexpr double kMemories = 5;
 
 QualityItem lost_input_item(std::size_t count) {
-  return {"gap",
-          "the input is lost in gaps where it steps or turns; the samples until the output has forgotten it are left out "
-          "of the fit and of naming",
-          count};
+  return {
+      "gap",
+      "the input is lost in gaps where it steps or turns; the samples until the output has forgotten it are left out "
+      "of the fit and of naming",
+      count};
 }
 
 /// A reference carries the parameters of the model that learned it; another engine's are of no use here.

@@ -36,8 +36,8 @@ constexpr double kLevelTolerance_a = 0.02;
 // above what one more parameter gives by chance once in a million.
 constexpr std::size_t kGaugeValves = 3;
 constexpr double kLongestGaugeLag_samples = 4;
-constexpr int kGaugeBits = 8;
-constexpr std::uintmax_t kGaugeFits = 10;
+constexpr int kGaugeBits = 5;
+constexpr std::uintmax_t kGaugeFits = 6;
 constexpr double kGaugeEvidence = 24;
 
 struct Member {

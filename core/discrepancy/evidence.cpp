@@ -61,15 +61,15 @@ double consistent_evidence(const Stack& before, const Stack& after, double reduc
 
 Contrast contrast(const Stack& winner, const Stack& rival) {
   Contrast contrast;
-  for (std::size_t r = 0; r < winner.size(); ++r) contrast.difference += rival[r].squaredNorm() - winner[r].squaredNorm();
+  for (std::size_t r = 0; r < winner.size(); ++r)
+    contrast.difference += rival[r].squaredNorm() - winner[r].squaredNorm();
   contrast.z = std::numeric_limits<double>::infinity();
   for (const Index length : kScoreBlocks) {
     double squares = 0;
     for (std::size_t r = 0; r < winner.size(); ++r) {
       for (Index first = 0; first < winner[r].size(); first += length) {
         const Index count = std::min(length, winner[r].size() - first);
-        const double d =
-            rival[r].segment(first, count).squaredNorm() - winner[r].segment(first, count).squaredNorm();
+        const double d = rival[r].segment(first, count).squaredNorm() - winner[r].segment(first, count).squaredNorm();
         squares += d * d;
       }
     }

@@ -20,9 +20,9 @@ double noise_inflation(const Stack& whitened_residual);
 ///
 ///   T = (Σ_b s_b·s_b)² / Σ_b (s_b·after_b)²
 ///
-/// over blocks b of 1 to 256 samples, the least of them. For white noise of unit variance T is s·s, the reduction of the
-/// cost; where what is left beside the signature is coarser just where the signature lives (a jittering clock at the
-/// edges, a few lost samples, another law's leftover), T says so. The consistent variance of a score: White,
+/// over blocks b of 1 to 256 samples, the least of them. For white noise of unit variance T is s·s, the reduction of
+/// the cost; where what is left beside the signature is coarser just where the signature lives (a jittering clock at
+/// the edges, a few lost samples, another law's leftover), T says so. The consistent variance of a score: White,
 /// Econometrica 48 (1980) 817; Newey and West, Econometrica 55 (1987) 703, here with blocks for lags.
 ///
 /// reduction  of the whole cost, of the samples that the rows stand for
@@ -41,7 +41,8 @@ Contrast contrast(const Stack& winner, const Stack& rival);
 /// good valves would do.
 ///
 ///   noise   reduction − (kNoise − k) as χ² of k freedoms
-///   spread  (reduction − (kNoise − 1)) / s² as F of 1 and n freedoms,   s² = 1 + max(0, mean over good valves − kNoise)
+///   spread  (reduction − (kNoise − 1)) / s² as F of 1 and n freedoms,   s² = 1 + max(0, mean over good valves −
+///   kNoise)
 ///
 /// Noise is known; the spread between valves is known from n of them alone, and n that show nothing do not say that
 /// there is none. `kNoise` is what noise alone gives after the search over the law's instants or frequencies, k the

@@ -21,7 +21,8 @@ struct CleanInputs {
 /// A line of the input that the valve does follow leaves nothing in the residual and stays.
 ///
 /// fit      of the recordings as logged
-/// Source   aliasing: any text on sampling; the test is the F test of a sine and a cosine beside piecewise straight lines
+/// Source   aliasing: any text on sampling; the test is the F test of a sine and a cosine beside piecewise straight
+/// lines
 CleanInputs without_aliased_lines(const LinearisedValve& fit, const ValveFitOptions& options);
 
 /// Whether the logged input has a line at this frequency; see without_aliased_lines.

@@ -35,7 +35,7 @@ constexpr double kLikeGoodValves = 0.01;
 // Joint fits of those that the survey leaves in the race: this far behind the best in ln likelihood, this many at most.
 constexpr double kInTheRace = 30;
 constexpr std::size_t kMostJointFits = 3;
-constexpr std::size_t kGoodValveJointFits = 6;
+constexpr std::size_t kGoodValveJointFits = 3;
 constexpr int kJointSteps = 12;
 // A residual this many times slower than white noise has bent the baseline.
 constexpr double kBent = 6;
@@ -330,8 +330,7 @@ class Diagnosis {
       const double evidence =
           evidence_of(reduction, consistent_evidence(linear.error(), left, reduction, linear.weight()));
       contest.ranked.push_back({racing[i]->cause(), rank(*racing[i], evidence), reduction, std::move(left)});
-      contest.ranked.back().penalty =
-          fitted[i].cost - linear.weight() * squares_of(contest.ranked.back().residual);
+      contest.ranked.back().penalty = fitted[i].cost - linear.weight() * squares_of(contest.ranked.back().residual);
       const double p = std::min(1.0, laws * p_value_of(*racing[i], evidence, size_in(fitted[i]), options_));
       const double searched = racing[i]->noise_reduction - static_cast<double>(racing[i]->fit.freedoms);
       if (evidence - std::max(0.0, searched) < kLeastEvidence) continue;
@@ -599,11 +598,13 @@ GoodValveSurvey survey_good_valve(std::span<const Recording> recordings, const V
   for (std::size_t i = 0; i < survey.tested.size(); ++i) {
     const Tested& tested = survey.tested[i];
     double evidence = tested.evidence, size = tested.size();
-    if (i < kGoodValveJointFits && forecast(tested) > kLeastPromise) {
+    // A forecast that the simulation bears out needs no fit of everything together.
+    if (i < kGoodValveJointFits && forecast(tested) > kLeastEvidence && tested.evidence < 0.5 * tested.promise) {
       const Explanation fitted = extend(recordings, nothing, tested.fit, kJointSteps, nothing.cost);
       const Stack left = residual_at_rows(fitted);
       const double reduction = std::max(0.0, nothing.cost - fitted.cost);
-      const double found = evidence_of(reduction, consistent_evidence(linear.error(), left, reduction, linear.weight()));
+      const double found =
+          evidence_of(reduction, consistent_evidence(linear.error(), left, reduction, linear.weight()));
       if (found > evidence) {
         evidence = found;
         size = size_in(fitted);

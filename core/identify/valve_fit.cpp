@@ -152,7 +152,9 @@ Result<std::vector<double>> map_knots(std::span<const Recording> recordings) {
 double reference_pressure(std::span<const Recording> recordings) {
   double largest = 0;
   for (const Recording& recording : recordings) {
-    for (const double y : recording.output.values) largest = std::max(largest, y);
+    for (std::size_t i = 0; i < recording.samples(); ++i) {
+      if (recording.is_valid(i)) largest = std::max(largest, recording.output.values[i]);
+    }
   }
   return 0.5 * largest;
 }

@@ -6,8 +6,8 @@
 #include <limits>
 #include <numeric>
 
-#include "core/model/gauge.h"
 #include "core/mechanisms/simulate_extended.h"
+#include "core/model/gauge.h"
 #include "core/residual/noise_floor.h"
 
 namespace valvetriage {

@@ -73,8 +73,8 @@ class Table {
   std::vector<Point> points_;
 };
 
-// In the root of the pressure a flow is nearly straight: cubics this far apart [√psi] err by less than 1e-7 of it.
-constexpr double kRootStep = 0.05;
+// In the root of the pressure a flow is nearly straight: cubics this far apart [√psi] err by less than 1e-8 of it.
+constexpr double kRootStep = 0.025;
 constexpr double kDropStep_psi = 1.0;
 constexpr double kLeastTabulatedDrop_psi = 20.0;
 

@@ -50,7 +50,8 @@ struct VolumeTangent {
 /// steady    m at each sample, linear between [psi]
 /// pressure  as many values, may be the same memory as steady
 /// tangent   filled where not null
-/// Cost      O(n), flows from a table of a thousand powers made once; an exponential midpoint rule, second order in the sampling
+/// Cost      O(n), flows from a table of a thousand powers made once; an exponential midpoint rule, second order in the
+/// sampling
 ///           period and stable for every time constant
 void run_volume(const OrificeVolume& volume, double sample_period_s, double first_psi, std::span<const double> steady,
                 std::span<double> pressure, VolumeTangent* tangent = nullptr);

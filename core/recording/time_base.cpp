@@ -17,7 +17,7 @@ constexpr double kIrregularShare = 0.25;  ///< of intervals far from the median:
 constexpr double kMostMissing = 0.5;      ///< of the grid
 constexpr double kJumpRatio = 0.02;       ///< of the input's range within one interval: a jump, not a slope,
 constexpr double kSteepBeside = 0.2;      ///< unless the intervals beside it rise as much as this part of it
-constexpr std::size_t kSlopePoints = 5;    ///< of the parabola that gives the slope at the edge of a gap
+constexpr std::size_t kSlopePoints = 5;   ///< of the parabola that gives the slope at the edge of a gap
 
 struct Grid {
   double start_s = 0;
@@ -223,7 +223,8 @@ void resample(Recording& recording, const Grid& grid) {
   const double jump = kJumpRatio * range_of(recording.input.values);
   recording.jumps = jumps_of(time, recording.input.values, grid, jump);
   recording.input.values = on_grid(time, recording.input.values, grid, jump, true);
-  if (!recording.output.values.empty()) recording.output.values = on_grid(time, recording.output.values, grid, kNever, false);
+  if (!recording.output.values.empty())
+    recording.output.values = on_grid(time, recording.output.values, grid, kNever, false);
   for (Channel& side : recording.side) side.values = on_grid(time, side.values, grid, kNever, false);
 }
 

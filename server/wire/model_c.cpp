@@ -406,10 +406,11 @@ std::string array(std::string_view name, std::span<const double> values) {
 
 /// Healthy flows as the volume's class has them: κ, and the shares of another drain and of a loss.
 std::string volume_constants(const OrificeVolume& v) {
-  const auto flow = [](double p, double n) { return std::pow(p + 1, n) - 1; };
+  constexpr double kLaminar = 0.1;  // as in the text above
+  const auto flow = [](double p, double n) { return std::pow(p + kLaminar, n) - std::pow(kLaminar, n); };
   const double n = v.exponent, reference = v.reference_psi;
   const double drop = std::max(v.supply_psi - reference, 1.0);
-  const double slope = n * std::pow(reference + 1, n - 1) + flow(reference, n) * n / drop;
+  const double slope = n * std::pow(reference + kLaminar, n - 1) + flow(reference, n) * n / drop;
   const double drain = v.drain_excess_exponent != 0 ? std::max(n + v.drain_excess_exponent, 0.05) : n;
   const double highest = v.highest_psi > 0 ? v.highest_psi : 2 * reference;
   return define("SUPPLY", v.supply_psi) + define("EXPONENT", n) + define("DRAIN_EXPONENT", drain) +

@@ -98,7 +98,7 @@ void expect_same(const Model& model) {
   ASSERT_TRUE(simulated.has_value()) << simulated.error().message;
   const std::vector<double> y = run_in_c(*source);
   ASSERT_EQ(y.size(), kSamples);
-  for (std::size_t i = 0; i < kSamples; ++i) ASSERT_NEAR(y[i], (*simulated)[i], 1e-7) << "at sample " << i;
+  for (std::size_t i = 0; i < kSamples; ++i) ASSERT_NEAR(y[i], (*simulated)[i], 1e-6) << "at sample " << i;
 }
 
 Model with(Model model, const std::vector<MechanismUse>& uses) {
