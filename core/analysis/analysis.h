@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "core/discrepancy/discrepancy.h"
 #include "core/model/model.h"
 #include "core/model/reference.h"
 #include "core/recording/recording.h"
@@ -83,9 +84,12 @@ struct Analysis {
   std::vector<RecordingSummary> recordings;
   Baseline baseline;
   Simulation simulation;
+  std::optional<Discrepancy> discrepancy;  ///< empty: not looked for
+  Model extended_model;                    ///< the baseline's model where nothing was added
   ClassificationResult classification;
   /// What `series` shows: free runs on each recording's grid, not part of the JSON document.
   std::vector<std::vector<double>> simulated;
+  std::vector<std::vector<double>> extended;  ///< of `extended_model`; empty where nothing was added
 };
 
 }  // namespace valvetriage

@@ -291,6 +291,7 @@ Result<Analysis> analyze(std::span<const Recording> recordings, const AnalysisOp
                                             .unstable = runs->unstable},
                                            options.rule_base);
   analysis.simulated = std::move(runs->baseline);
+  analysis.extended_model = analysis.baseline.model;
   return analysis;
 }
 

@@ -49,7 +49,7 @@ std::vector<Fold> folds_by_block(const std::vector<std::size_t>& rows) {
 
 /// A structure with its fit to all rows and the logarithm of its rms error on each fold.
 struct Scored {
-  Candidate candidate;
+  FitCandidate candidate;
   std::vector<double> log_rms;
   double mean = 0;
 };
@@ -77,7 +77,7 @@ class Chooser {
     for (int order = first; order <= last && without_gain < kPatience; ++order) {
       const OutputErrorStructure structure{order, options_.zeros.value_or(order - 1), std::max(delay, 0)};
       if (!fits(structure)) continue;
-      Candidate candidate = fitted(structure, previous);
+      FitCandidate candidate = fitted(structure, previous);
       if (delay < 0) candidate = scanned_delay(std::move(candidate));
       if (!options_.delay_samples) candidate = climbed_delay(std::move(candidate));
       delay = candidate.structure.delay_samples;
@@ -96,7 +96,7 @@ class Chooser {
  private:
   bool fits(const OutputErrorStructure& s) const { return s.zeros <= s.order && problem_.check_samples(s).has_value(); }
 
-  Candidate fitted(const OutputErrorStructure& structure, std::span<const std::complex<double>> previous) const {
+  FitCandidate fitted(const OutputErrorStructure& structure, std::span<const std::complex<double>> previous) const {
     std::vector<Start> starts;
     if (const auto arx = fit_arx(recordings_, structure)) {
       starts.push_back(start_from_poles("arx", z_roots(in_powers_of_difference(arx->coefficients.a)), structure.order,
@@ -108,18 +108,18 @@ class Chooser {
     return search(problem_, structure, rows_, std::move(starts));
   }
 
-  Candidate with_structure(const Candidate& from, const OutputErrorStructure& structure, int iterations) const {
+  FitCandidate with_structure(const FitCandidate& from, const OutputErrorStructure& structure, int iterations) const {
     return refine(problem_, rows_, evaluate(problem_, structure, rows_, {from.start, from.sections}), iterations, 1e-4);
   }
 
-  Candidate with_delay(const Candidate& from, int delay) const {
+  FitCandidate with_delay(const FitCandidate& from, int delay) const {
     OutputErrorStructure structure = from.structure;
     structure.delay_samples = delay;
     return with_structure(from, structure, kDelayIterations);
   }
 
   /// Clearly lower: by more than four units of χ², what one parameter gains by luck once in twenty.
-  static bool clearly_lower(const Candidate& a, const Candidate& b) {
+  static bool clearly_lower(const FitCandidate& a, const FitCandidate& b) {
     return a.cost < b.cost * (1 - 4.0 / static_cast<double>(b.solution.count));
   }
 
@@ -128,16 +128,16 @@ class Chooser {
   }
 
   /// Coarse: delays a factor 1.5 apart.
-  Candidate scanned_delay(Candidate best) const {
+  FitCandidate scanned_delay(FitCandidate best) const {
     for (int delay = 1; delay <= most_delay(); delay = std::max(delay + 1, delay * 3 / 2)) {
-      Candidate trial = with_delay(best, delay);
+      FitCandidate trial = with_delay(best, delay);
       if (clearly_lower(trial, best)) best = std::move(trial);
     }
     return best;
   }
 
   /// Fine: down, then up, in growing and then shrinking steps, as long as it pays.
-  Candidate climbed_delay(Candidate best) const {
+  FitCandidate climbed_delay(FitCandidate best) const {
     for (const int direction : {-1, 1}) {
       int step = 1;
       bool growing = true;
@@ -145,7 +145,7 @@ class Chooser {
         const int delay = best.structure.delay_samples + direction * step;
         bool lower = false;
         if (delay >= 0 && delay <= most_delay()) {
-          Candidate trial = with_delay(best, delay);
+          FitCandidate trial = with_delay(best, delay);
           lower = clearly_lower(trial, best);
           if (lower) best = std::move(trial);
         }
@@ -156,11 +156,11 @@ class Chooser {
     return best;
   }
 
-  const Scored& score(Candidate candidate) {
+  const Scored& score(FitCandidate candidate) {
     Scored scored;
     scored.candidate = std::move(candidate);
     for (const Fold& fold : folds_) {
-      const Candidate fit = refine(
+      const FitCandidate fit = refine(
           problem_, fold.fit,
           evaluate(problem_, scored.candidate.structure, fold.fit, {scored.candidate.start, scored.candidate.sections}),
           kFoldIterations, 1e-4);
@@ -172,7 +172,7 @@ class Chooser {
     return scored_.back();
   }
 
-  double judged_rms(const Fold& fold, const Candidate& fit) const {
+  double judged_rms(const Fold& fold, const FitCandidate& fit) const {
     double squares = 0;
     std::size_t count = 0;
     auto solution = fit.solution;
@@ -233,13 +233,13 @@ class Chooser {
   /// A free numerator b₀ … b_n with the delay it needs: half samples and filters that the plant's own zeros do not
   /// know.
   void add_a_zero() {
-    const Candidate base = simplest_as_good().candidate;
+    const FitCandidate base = simplest_as_good().candidate;
     OutputErrorStructure more = base.structure;
     if (++more.zeros > more.order || !fits(more)) return;
-    Candidate wider = with_structure(base, more, kDelayIterations);
+    FitCandidate wider = with_structure(base, more, kDelayIterations);
     if (more.delay_samples > 0 && !options_.delay_samples) {
       --more.delay_samples;
-      Candidate earlier = with_structure(base, more, kDelayIterations);
+      FitCandidate earlier = with_structure(base, more, kDelayIterations);
       if (earlier.cost < wider.cost) wider = std::move(earlier);
     }
     score(std::move(wider));
@@ -252,10 +252,10 @@ class Chooser {
       OutputErrorStructure fewer = base.candidate.structure;
       if (fewer.zeros == 0) return;
       --fewer.zeros;
-      Candidate narrower = with_structure(base.candidate, fewer, kDelayIterations);
+      FitCandidate narrower = with_structure(base.candidate, fewer, kDelayIterations);
       if (!options_.delay_samples) {
         ++fewer.delay_samples;
-        Candidate later = with_structure(base.candidate, fewer, kDelayIterations);
+        FitCandidate later = with_structure(base.candidate, fewer, kDelayIterations);
         if (later.cost < narrower.cost) narrower = std::move(later);
       }
       const auto known = std::any_of(scored_.begin(), scored_.end(), [&](const Scored& s) {

@@ -44,7 +44,7 @@ Result<OutputErrorFit> fit_output_error(std::span<const Recording* const> record
     starts.push_back(start_from_poles("given", given.poles, structure.order, problem->limits()));
   }
   const RowSets search_rows = problem->rows(options.max_search_rows);
-  Candidate best = search(*problem, structure, search_rows, std::move(starts));
+  FitCandidate best = search(*problem, structure, search_rows, std::move(starts));
   best = refine(*problem, search_rows, std::move(best), options.max_iterations, options.tolerance);
   // At the optimum of the thinned rows, that of all is a step or two away.
   const RowSets all_rows = problem->rows(std::numeric_limits<std::size_t>::max());

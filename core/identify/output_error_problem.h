@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "core/identify/output_error.h"
-#include "core/identify/section_cascade.h"
+#include "core/model/section_cascade.h"
 
 namespace valvetriage {
 

@@ -55,7 +55,7 @@ struct NormalEquations {
   VectorXd gradient;
 };
 
-NormalEquations normal_equations(const OutputErrorProblem::Projected& projected, const Candidate& candidate,
+NormalEquations normal_equations(const OutputErrorProblem::Projected& projected, const FitCandidate& candidate,
                                  const SectionLimits& limits) {
   NormalEquations equations{projected.jacobian.transpose() * projected.jacobian,
                             projected.jacobian.transpose() * projected.residual};
@@ -116,7 +116,7 @@ VectorXd coefficients_of(std::span<const Section> sections, std::span<const doub
 }
 
 /// Derivative of coefficients_of along the shared parameters and the logarithms of the sections.
-MatrixXd coefficient_jacobian(const Candidate& candidate, Index shared) {
+MatrixXd coefficient_jacobian(const FitCandidate& candidate, Index shared) {
   const Index numerators = candidate.structure.zeros + 1;
   const Index order = candidate.structure.order;
   std::vector<double> numerator(candidate.solution.shared.begin(), candidate.solution.shared.begin() + numerators);
@@ -141,7 +141,7 @@ MatrixXd coefficient_jacobian(const Candidate& candidate, Index shared) {
 }
 
 /// Covariance of shared parameters and sections' logarithms: (SᵀS)⁻¹ Sᵀ Γ S (SᵀS)⁻¹, Γ from an autoregressive residual.
-MatrixXd parameter_covariance(const OutputErrorProblem& problem, const Candidate& candidate,
+MatrixXd parameter_covariance(const OutputErrorProblem& problem, const FitCandidate& candidate,
                               const std::vector<VectorXd>& residuals) {
   MatrixXd information_root;
   MatrixXd score_root;
@@ -180,7 +180,7 @@ std::vector<VectorXd> residuals_of(const OutputErrorProblem& problem, const Free
   return residuals;
 }
 
-TransferFunction transfer_function_of(const Rational& r, const Candidate& candidate, double sample_time_s) {
+TransferFunction transfer_function_of(const Rational& r, const FitCandidate& candidate, double sample_time_s) {
   TransferFunction g;
   g.domain = Domain::kZ;
   g.sample_time_s = sample_time_s;
@@ -195,18 +195,18 @@ TransferFunction transfer_function_of(const Rational& r, const Candidate& candid
 
 }  // namespace
 
-Candidate evaluate(const OutputErrorProblem& problem, const OutputErrorStructure& structure, const RowSets& rows,
-                   const Start& start) {
-  Candidate candidate{.structure = structure,
-                      .sections = start.sections,
-                      .solution = problem.solve(start.sections, structure, rows),
-                      .start = start.name};
+FitCandidate evaluate(const OutputErrorProblem& problem, const OutputErrorStructure& structure, const RowSets& rows,
+                      const Start& start) {
+  FitCandidate candidate{.structure = structure,
+                         .sections = start.sections,
+                         .solution = problem.solve(start.sections, structure, rows),
+                         .start = start.name};
   candidate.cost = penalised(candidate.solution, candidate.sections, problem.limits());
   return candidate;
 }
 
-Candidate refine(const OutputErrorProblem& problem, const RowSets& rows, Candidate candidate, int max_iterations,
-                 double tolerance) {
+FitCandidate refine(const OutputErrorProblem& problem, const RowSets& rows, FitCandidate candidate, int max_iterations,
+                    double tolerance) {
   const SectionLimits limits = problem.limits();
   double damping = 1e-3;
   candidate.termination = Termination::kIterationLimit;
@@ -218,7 +218,7 @@ Candidate refine(const OutputErrorProblem& problem, const RowSets& rows, Candida
     double change = 0;
     for (int attempt = 0; attempt < kDampings && !lowered; ++attempt) {
       const VectorXd step = damped_step(equations, damping);
-      Candidate trial =
+      FitCandidate trial =
           evaluate(problem, candidate.structure, rows, {candidate.start, moved(candidate.sections, step, limits)});
       lowered = trial.cost < candidate.cost;
       if (lowered) {
@@ -239,30 +239,30 @@ Candidate refine(const OutputErrorProblem& problem, const RowSets& rows, Candida
   return candidate;
 }
 
-Candidate search(const OutputErrorProblem& problem, const OutputErrorStructure& structure, const RowSets& rows,
-                 std::vector<Start> starts) {
+FitCandidate search(const OutputErrorProblem& problem, const OutputErrorStructure& structure, const RowSets& rows,
+                    std::vector<Start> starts) {
   const SectionLimits limits = problem.limits();
   const double slowest = std::min(10.0 / static_cast<double>(problem.longest()), 0.1);
   for (int i = 0; i < kBandwidths; ++i) {
     const double rate = slowest * std::pow(kFastestBandwidth / slowest, static_cast<double>(i) / (kBandwidths - 1));
     starts.push_back({"steiglitz-mcbride", equal_sections(structure.order, rate, limits)});
   }
-  std::vector<Candidate> candidates;
+  std::vector<FitCandidate> candidates;
   for (const Start& start : starts) {
-    Candidate best = evaluate(problem, structure, rows, start);
+    FitCandidate best = evaluate(problem, structure, rows, start);
     Start stepped = start;
     const int steps = start.name == "steiglitz-mcbride" ? kSteiglitzMcBrideSteps : 1;
     for (int step = 0; step < steps; ++step) {
       stepped.sections = problem.steiglitz_mcbride_step(stepped.sections, structure, rows);
-      Candidate next = evaluate(problem, structure, rows, stepped);
+      FitCandidate next = evaluate(problem, structure, rows, stepped);
       if (next.cost < best.cost) best = std::move(next);
     }
     candidates.push_back(std::move(best));
   }
-  const auto cheaper = [](const Candidate& a, const Candidate& b) { return a.cost < b.cost; };
+  const auto cheaper = [](const FitCandidate& a, const FitCandidate& b) { return a.cost < b.cost; };
   std::stable_sort(candidates.begin(), candidates.end(), cheaper);
   candidates.resize(std::min<std::size_t>(candidates.size(), kRefinedStarts));
-  for (Candidate& candidate : candidates) {
+  for (FitCandidate& candidate : candidates) {
     candidate = refine(problem, rows, std::move(candidate), kShortRefinement, 1e-6);
   }
   return *std::min_element(candidates.begin(), candidates.end(), cheaper);
@@ -284,7 +284,7 @@ Start start_from_poles(std::string name, std::span<const std::complex<double>> p
   return {std::move(name), sections_from_poles(kept, limits)};
 }
 
-FreeRun run_of(const OutputErrorProblem& problem, const Candidate& candidate) {
+FreeRun run_of(const OutputErrorProblem& problem, const FitCandidate& candidate) {
   FreeRun run;
   double squares = 0;
   double spread = 0;
@@ -313,10 +313,10 @@ FreeRun run_of(const OutputErrorProblem& problem, const Candidate& candidate) {
   return run;
 }
 
-Candidate candidate_of(const OutputErrorProblem& problem, const RationalCoefficients& dynamics,
-                       std::span<const std::complex<double>> poles) {
+FitCandidate candidate_of(const OutputErrorProblem& problem, const RationalCoefficients& dynamics,
+                          std::span<const std::complex<double>> poles) {
   const auto order = static_cast<int>(poles.size());
-  Candidate candidate;
+  FitCandidate candidate;
   candidate.structure = {order, order, dynamics.delay_samples};
   candidate.sections = sections_from_poles(poles, SectionLimits(std::numeric_limits<std::size_t>::max()));
   // The numerator in the cascade's basis: entry i of the basis has degree i.
@@ -338,7 +338,7 @@ Candidate candidate_of(const OutputErrorProblem& problem, const RationalCoeffici
   return candidate;
 }
 
-OutputErrorFit describe(const OutputErrorProblem& problem, const Candidate& candidate) {
+OutputErrorFit describe(const OutputErrorProblem& problem, const FitCandidate& candidate) {
   const OutputErrorStructure& structure = candidate.structure;
   OutputErrorFit fit;
   fit.structure = structure;

@@ -8,7 +8,7 @@
 namespace valvetriage {
 
 /// A point of the search: sections, everything linear at its optimum, and the price.
-struct Candidate {
+struct FitCandidate {
   OutputErrorStructure structure;
   std::vector<Section> sections;
   OutputErrorProblem::Solution solution;
@@ -24,16 +24,16 @@ struct Start {
 };
 
 /// The candidate at given sections.
-Candidate evaluate(const OutputErrorProblem& problem, const OutputErrorStructure& structure, const RowSets& rows,
-                   const Start& start);
+FitCandidate evaluate(const OutputErrorProblem& problem, const OutputErrorStructure& structure, const RowSets& rows,
+                      const Start& start);
 
 /// Bounded Levenberg-Marquardt on the sections' logarithms from a candidate.
-Candidate refine(const OutputErrorProblem& problem, const RowSets& rows, Candidate candidate, int max_iterations,
-                 double tolerance);
+FitCandidate refine(const OutputErrorProblem& problem, const RowSets& rows, FitCandidate candidate, int max_iterations,
+                    double tolerance);
 
 /// Best candidate out of the given starts and Steiglitz-McBride iterations from several bandwidths.
-Candidate search(const OutputErrorProblem& problem, const OutputErrorStructure& structure, const RowSets& rows,
-                 std::vector<Start> starts);
+FitCandidate search(const OutputErrorProblem& problem, const OutputErrorStructure& structure, const RowSets& rows,
+                    std::vector<Start> starts);
 
 /// The poles of a z-domain transfer function as a start of the wanted order (filled up with fast poles, or without the
 /// fastest).
@@ -41,11 +41,11 @@ Start start_from_poles(std::string name, std::span<const std::complex<double>> p
                        const SectionLimits& limits);
 
 /// Its free run over every sample, and how well that fits.
-FreeRun run_of(const OutputErrorProblem& problem, const Candidate& candidate);
+FreeRun run_of(const OutputErrorProblem& problem, const FitCandidate& candidate);
 /// Given stable dynamics as a candidate, each recording's initial state and offset fitted to it.
-Candidate candidate_of(const OutputErrorProblem& problem, const RationalCoefficients& dynamics,
-                       std::span<const std::complex<double>> poles);
+FitCandidate candidate_of(const OutputErrorProblem& problem, const RationalCoefficients& dynamics,
+                          std::span<const std::complex<double>> poles);
 /// Everything a user gets to see about a candidate.
-OutputErrorFit describe(const OutputErrorProblem& problem, const Candidate& candidate);
+OutputErrorFit describe(const OutputErrorProblem& problem, const FitCandidate& candidate);
 
 }  // namespace valvetriage

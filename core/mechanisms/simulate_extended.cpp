@@ -248,11 +248,14 @@ std::vector<double> interleaved_stamps(std::size_t samples, double sample_period
 Result<std::vector<double>> simulate_extended(const Model& model, const IntervalSignal& input, double sample_period_s,
                                               std::span<const double> measured, const InitialState& initial,
                                               Horizon horizon) {
+  if (model.machine) return simulate(model, input, sample_period_s, measured, initial, horizon);
   return run(model, input, sample_period_s, measured, initial, horizon, {});
 }
 
 Result<std::vector<double>> simulate_extended(const Model& model, const Recording& recording,
                                               const InitialState& initial, Horizon horizon) {
+  // A machine's chain holds its laws itself.
+  if (model.machine) return simulate(model, recording, initial, horizon);
   return run(model, input_between_samples(recording), recording.sample_period_s, first_outputs(recording, initial),
              initial, horizon, {.side = recording.side, .recording = recording.name});
 }

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "core/model/machine.h"
 #include "core/model/magnetic_loop.h"
 #include "core/model/orifice_volume.h"
 #include "core/model/static_map.h"
@@ -30,17 +31,20 @@ struct MechanismUse {
 ///   linear   y(t) = G (u − input_offset) + output_offset
 ///   valve    u → magnetic loop → G (delay and spool, static gain 1) → static map → volume → + output_offset
 ///
+///   machine  the chain of blocks in `machine`, with offsets and laws of its own (G, map and offsets are not used)
+///
 /// The valve's blocks stand in the order of the physics: coil and magnet, spool, orifice, fluid volume. The map carries
 /// the unit; loop and volume may be absent. Linear models carry gain and delay in G.
 struct Model {
-  std::string kind;                     ///< "valve" (map) or "linear"
+  std::string kind;                     ///< "valve" (map), "linear" or "machine"
   std::string input_unit, output_unit;  ///< "A", "psi" or ""
   std::optional<MagneticLoop> loop;
   TransferFunction dynamics;  ///< s or z domain; delay lives here
   std::optional<StaticMap> map;
   std::optional<OrificeVolume> volume;
-  double input_offset = 0;   ///< unit of the input
-  double output_offset = 0;  ///< unit of the output
+  std::optional<Machine> machine;  ///< kind "machine"
+  double input_offset = 0;         ///< unit of the input
+  double output_offset = 0;        ///< unit of the output
   std::vector<MechanismUse>
       mechanisms;  ///< in the order they were found; run by core/mechanisms, not by the linear core
 };

@@ -109,6 +109,62 @@ void fit_start(const Model& model, const SignalLaws& laws, const LinearFilter& f
   }
 }
 
+/// Values at times i · from_period, straight between them, read at times j · to_period.
+std::vector<double> read_at(std::span<const double> values, double from_period, double to_period, std::size_t count) {
+  std::vector<double> read(count);
+  const double last = static_cast<double>(values.size() - 1);
+  for (std::size_t j = 0; j < count; ++j) {
+    const double at = std::min(static_cast<double>(j) * to_period / from_period, last);
+    const auto left = static_cast<std::size_t>(at);
+    const std::size_t right = std::min(left + 1, values.size() - 1);
+    read[j] = values[left] + (at - static_cast<double>(left)) * (values[right] - values[left]);
+  }
+  return read;
+}
+
+std::size_t samples_at(double period_s, std::size_t samples, double other_period_s) {
+  const double span = static_cast<double>(samples - 1) * period_s / other_period_s;
+  return static_cast<std::size_t>(std::ceil(span * (1 - kClockTolerance))) + 1;
+}
+
+std::vector<double> machine_input(const Machine& machine, const IntervalSignal& input) {
+  if (!machine.interval_means) return input.start;
+  std::vector<double> means(input.start.size());
+  for (std::size_t i = 0; i < means.size(); ++i) means[i] = 0.5 * (input.start[i] + input.end[i]);
+  return means;
+}
+
+/// A machine runs at its own sample period; an input on another grid is read, and the output written, straight between
+/// samples.
+Result<std::vector<double>> simulate_machine(const Machine& machine, std::span<const double> input, double period_s,
+                                             std::span<const Channel> side, std::span<const double> measured,
+                                             const InitialState& initial) {
+  if (const auto checked = check_machine(machine); !checked) return tl::unexpected(checked.error());
+  if (input.empty()) return std::vector<double>{};
+  const bool own_grid = std::abs(machine.sample_period_s - period_s) <= kClockTolerance * period_s;
+  const double to = own_grid ? period_s : machine.sample_period_s;
+  const auto resampled = [&](std::span<const double> values) {
+    if (own_grid || values.empty()) return std::vector<double>(values.begin(), values.end());
+    return read_at(values, period_s, to, samples_at(period_s, values.size(), to));
+  };
+  std::vector<Channel> channels(side.begin(), side.end());
+  for (Channel& channel : channels) channel.values = resampled(channel.values);
+  const MachineSurroundings around{.side = channels};
+  const std::vector<double> u = resampled(input);
+  std::vector<double> start;
+  if (initial.kind == InitialState::Kind::kMeasured) {
+    start = start_towards(machine, around, u, resampled(measured.first(std::min(initial.samples, measured.size()))));
+  }
+  std::vector<double> y = run_machine(machine, around, start, u);
+  if (!own_grid) y = read_at(y, to, period_s, input.size());
+  for (std::size_t i = 0; i < y.size(); ++i) {
+    if (!std::isfinite(y[i])) {
+      return fail("overflow", fmt::format("the simulation leaves the range of numbers at sample {}", i));
+    }
+  }
+  return y;
+}
+
 }  // namespace
 
 Result<LinearFilter> sampled_dynamics(const TransferFunction& g, double sample_period_s) {
@@ -165,13 +221,21 @@ std::vector<double> first_outputs(const Recording& recording, const InitialState
 
 Result<std::vector<double>> simulate(const Model& model, const IntervalSignal& input, double sample_period_s,
                                      std::span<const double> measured, const InitialState& initial, Horizon horizon) {
+  if (model.machine) {
+    return simulate_machine(*model.machine, machine_input(*model.machine, input), sample_period_s, {}, measured,
+                            initial);
+  }
   return free_run(model, {}, input, sample_period_s, measured, initial, horizon);
 }
 
 Result<std::vector<double>> simulate(const Model& model, const Recording& recording, const InitialState& initial,
                                      Horizon horizon) {
-  return simulate(model, input_between_samples(recording), recording.sample_period_s, first_outputs(recording, initial),
-                  initial, horizon);
+  const std::vector<double> measured = first_outputs(recording, initial);
+  if (model.machine) {
+    return simulate_machine(*model.machine, machine_input(*model.machine, input_between_samples(recording)),
+                            recording.sample_period_s, recording.side, measured, initial);
+  }
+  return simulate(model, input_between_samples(recording), recording.sample_period_s, measured, initial, horizon);
 }
 
 }  // namespace valvetriage

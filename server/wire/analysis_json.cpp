@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "server/wire/canonical_json.h"
+#include "server/wire/discrepancy_json.h"
 #include "server/wire/json_fields.h"
 #include "server/wire/model_json.h"
 
@@ -258,8 +259,8 @@ Json to_json(const Analysis& analysis, const AnalysisMaking& making) {
                 {"recordings", list_to_json(analysis.recordings, to_json)},
                 {"baseline", to_json(analysis.baseline)},
                 {"simulation", to_json(analysis.simulation)},
-                {"discrepancy", nullptr},
-                {"extended_model", to_json(analysis.baseline.model)},
+                {"discrepancy", analysis.discrepancy ? to_json(*analysis.discrepancy) : Json(nullptr)},
+                {"extended_model", to_json(analysis.extended_model)},
                 {"frequency_response", Json::array()},
                 {"classification", to_json(analysis.classification)},
                 {"timing_s", by_name(making.timing_s)}};
@@ -285,6 +286,8 @@ Result<AnalysisDocument> analysis_from_json(const Json& document) {
   if (read.analysis.recordings.empty()) fields.refuse("recordings", "out_of_range", "an analysis has recordings");
   read.analysis.baseline = baseline_from_json(fields.object("baseline"));
   read.analysis.simulation = simulation_from_json(fields.object("simulation"));
+  if (fields.has("discrepancy")) read.analysis.discrepancy = discrepancy_from_json(fields.object("discrepancy"));
+  read.analysis.extended_model = model_from_json(fields.object("extended_model"));
   read.analysis.classification = classification_from_json(fields.object("classification"));
   if (error) return tl::unexpected(*error);
   if (read.result_sha256 != result_sha256(document)) {

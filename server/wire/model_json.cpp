@@ -99,6 +99,72 @@ OrificeVolume volume_from_json(JsonFields fields) {
   return volume;
 }
 
+Json to_json(const Section& section) {
+  if (section.order == 1) return Json{{"f", section.f}};
+  return Json{{"e", section.e}, {"f", section.f}};
+}
+
+Json to_json(const MachineBlock& block) {
+  Json parameters = Json::object();
+  const auto names = parameter_names(block.law);
+  for (std::size_t i = 0; i < names.size() && i < block.parameters.size(); ++i) {
+    parameters[std::string(names[i])] = block.parameters[i];
+  }
+  Json document{{"law", name_of(block.law)}, {"parameters", parameters}};
+  if (!block.numerator.empty()) {
+    document["sections"] = list_to_json(block.sections, to_json);
+    document["numerator"] = block.numerator;
+  }
+  if (!block.feedback.empty()) document["feedback"] = block.feedback;
+  if (block.delay_samples != 0) document["delay_samples"] = block.delay_samples;
+  if (!block.channel.empty()) document["channel"] = block.channel;
+  return document;
+}
+
+Json to_json(const Machine& machine) {
+  return Json{{"sample_time_s", machine.sample_period_s},
+              {"input", machine.interval_means ? "interval_means" : "samples"},
+              {"blocks", list_to_json(machine.blocks, to_json)}};
+}
+
+MachineBlock block_from_json(JsonFields& fields) {
+  MachineBlock block;
+  const auto law = machine_law_from(fields.text("law"));
+  if (!law) fields.refuse("law", "unknown_value", "not one of the laws of a machine");
+  block.law = law.value_or(MachineLaw::kAffine);
+  JsonFields parameters = fields.object("parameters");
+  for (const std::string_view name : parameter_names(block.law)) block.parameters.push_back(parameters.number(name));
+  if (fields.has("sections")) {
+    for (JsonFields& section : fields.objects("sections")) {
+      const bool second = section.has("e");
+      block.sections.push_back(
+          {.order = second ? 2 : 1, .e = second ? section.number("e") : 0, .f = section.number("f")});
+    }
+  }
+  if (fields.has("numerator")) block.numerator = fields.numbers("numerator");
+  if (fields.has("feedback")) block.feedback = fields.numbers("feedback");
+  if (fields.has("delay_samples")) block.delay_samples = fields.small_count("delay_samples");
+  block.channel = fields.text_or("channel", "");
+  return block;
+}
+
+Machine machine_from_json(JsonFields fields) {
+  constexpr std::size_t kMostBlocks = 16;
+  Machine machine{.sample_period_s = fields.number("sample_time_s"), .interval_means = false, .blocks = {}};
+  const std::string input = fields.text_or("input", "samples");
+  machine.interval_means = input == "interval_means";
+  if (!machine.interval_means && input != "samples") {
+    fields.refuse("input", "unknown_value", "expected \"samples\" or \"interval_means\"");
+  }
+  for (JsonFields& block : fields.objects("blocks")) machine.blocks.push_back(block_from_json(block));
+  if (machine.blocks.size() > kMostBlocks) fields.refuse("blocks", "out_of_range", "there are more than 16 blocks");
+  if (!fields.ok()) return machine;
+  if (const auto checked = check_machine(machine); !checked) {
+    fields.refuse("", "out_of_range", checked.error().message);
+  }
+  return machine;
+}
+
 /// Values by name in the order of the law; what a document may leave out has the law's own default.
 std::vector<double> law_parameters(const Mechanism& law, JsonFields& fields) {
   const std::map<std::string, double> given = fields.number_by_name("parameters");
@@ -200,6 +266,7 @@ Json to_json(const Model& model) {
             {"volume", volume},
             {"input_offset", model.input_offset},
             {"output_offset", model.output_offset}};
+  if (model.machine) json["machine"] = to_json(*model.machine);
   if (!model.mechanisms.empty()) {
     Json& mechanisms = json["mechanisms"] = Json::array();
     for (const MechanismUse& use : model.mechanisms) mechanisms.push_back(to_json(use));
@@ -210,8 +277,8 @@ Json to_json(const Model& model) {
 Model model_from_json(JsonFields fields) {
   Model model;
   model.kind = fields.text("kind");
-  if (model.kind != "valve" && model.kind != "linear") {
-    fields.refuse("kind", "unknown_value", "expected \"valve\" or \"linear\"");
+  if (model.kind != "valve" && model.kind != "linear" && model.kind != "machine") {
+    fields.refuse("kind", "unknown_value", "expected \"valve\", \"linear\" or \"machine\"");
   }
   model.input_unit = fields.text("input_unit");
   model.output_unit = fields.text("output_unit");
@@ -222,6 +289,10 @@ Model model_from_json(JsonFields fields) {
   model.dynamics = transfer_function_from_json(fields.object("transfer_function"));
   model.input_offset = fields.number_or("input_offset", 0);
   model.output_offset = fields.number_or("output_offset", 0);
+  if (fields.has("machine")) model.machine = machine_from_json(fields.object("machine"));
+  if (model.kind == "machine" && !model.machine) {
+    fields.refuse("machine", "missing_field", "a machine needs its blocks");
+  }
   if (!fields.has("mechanisms")) return model;
   for (JsonFields& use : fields.objects("mechanisms")) model.mechanisms.push_back(mechanism_from_json(use));
   if (model.mechanisms.size() > kMaxModelMechanisms) {

@@ -49,7 +49,7 @@ RC_GTEST_PROP(AnalysisJson, TheResultsHashDoesNotKnowTheNumberAStoreGaveTheRefer
 RC_GTEST_PROP(AnalysisJson, TheBaselinesModelIsAModelByItself, ()) {
   const Json document = to_json(generate::analysis(), kMaking);
   RC_ASSERT(model_from_json(document["baseline"]["model"]).has_value());
-  RC_ASSERT(document["extended_model"] == document["baseline"]["model"]);
+  RC_ASSERT(model_from_json(document["extended_model"]).has_value());
 }
 
 RC_GTEST_PROP(AnalysisJson, AnAnalysisThatWasChangedIsRefused, ()) {

@@ -96,6 +96,23 @@ inline Model model(bool with_map) {
   return m;
 }
 
+inline Machine machine() {
+  Machine m{.sample_period_s = positive(), .interval_means = small(0, 1) == 1, .blocks = {}};
+  MachineBlock linear;
+  linear.sections = {{.order = 2, .e = 0.5, .f = 0.25}, {.order = 1, .f = share() + 0.1}};
+  linear.numerator = {number(), number(), number(), number()};
+  linear.delay_samples = small(0, 9);
+  MachineBlock limit;
+  limit.law = MachineLaw::kUpperLimit;
+  limit.parameters = {number(), positive()};
+  MachineBlock side;
+  side.law = MachineLaw::kSide;
+  side.parameters = {number(), number()};
+  side.channel = text();
+  m.blocks = {linear, limit, side};
+  return m;
+}
+
 inline Reference reference() {
   Reference r;
   r.valve_type = "type-" + text();
@@ -152,6 +169,51 @@ inline ClassificationResult classification() {
   return c;
 }
 
+inline ParameterEstimate parameter_estimate() {
+  ParameterEstimate p{.value = number(), .std_error = positive(), .ci95 = {number(), number()}, .unit = "A"};
+  if (small(0, 1)) p.population_mean = p.population_sd = std::nan("");
+  if (small(0, 3) == 0) {
+    p.text = "temperature_C";
+    p.value = 0;
+  }
+  return p;
+}
+
+inline NamedCause named_cause() {
+  return {.cause = "friction",
+          .family = "memory",
+          .origin = "valve",
+          .probability = share(),
+          .family_probability = share(),
+          .alternatives = {"backlash"},
+          .parameters = {{"breakaway_A", parameter_estimate()}, {"kinetic_A", parameter_estimate()}},
+          .severity_in_population_sd = small(0, 1) ? positive() : std::nan(""),
+          .error_eq20_caused = {{"1.4", number()}},
+          .rmse_before = positive(),
+          .rmse_after = positive(),
+          .p_value = share(),
+          .evidence = {text(), text()}};
+}
+
+inline Discrepancy discrepancy() {
+  Discrepancy d;
+  d.conclusion = static_cast<Conclusion>(small(0, 3));
+  for (int i = small(0, 3); i > 0; --i) d.findings.push_back({text(), text(), number(), share(), share()});
+  for (int i = small(0, 2); i > 0; --i) d.causes.push_back(named_cause());
+  for (int i = small(0, 3); i > 0; --i) {
+    d.candidates.push_back({"friction+leakage",
+                            share(),
+                            positive(),
+                            static_cast<CandidateStatus>(small(0, 2)),
+                            text(),
+                            {{"width_A", positive()}}});
+  }
+  d.gain = {text(), positive(), positive(), std::nan(""), positive(), share(), {share(), share()}, {}};
+  if (small(0, 1)) d.gain.transfer.push_back({"step", "sweep", positive(), positive()});
+  if (small(0, 1)) d.next_test = NextTest{"triangle", text(), {"hysteresis", "friction"}, share(), "time_s,current_A"};
+  return d;
+}
+
 inline Analysis analysis() {
   Analysis a;
   for (int i = small(1, 4); i > 0; --i) {
@@ -176,6 +238,13 @@ inline Analysis analysis() {
     a.simulation.by_level.push_back({number(), maybe_number(), maybe_number(), maybe_number()});
   }
   a.classification = classification();
+  if (small(0, 1)) a.discrepancy = discrepancy();
+  a.extended_model = model(small(0, 1) == 1);
+  if (small(0, 2) == 0) {
+    a.extended_model = model(false);
+    a.extended_model.kind = "machine";
+    a.extended_model.machine = machine();
+  }
   return a;
 }
 

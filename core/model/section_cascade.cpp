@@ -1,4 +1,4 @@
-#include "core/identify/section_cascade.h"
+#include "core/model/section_cascade.h"
 
 #include <algorithm>
 #include <cmath>

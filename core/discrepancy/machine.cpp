@@ -1,0 +1,316 @@
+#include "core/discrepancy/machine.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "core/discrepancy/machine_conclusion.h"
+#include "core/discrepancy/machine_report.h"
+#include "core/residual/noise_floor.h"
+
+namespace valvetriage {
+namespace {
+
+constexpr int kLastIterations = 12;
+constexpr double kClockTolerance = 1e-4;
+constexpr double kFeedbackShare = 0.75;   // R² of the input's increments on present and past outputs
+constexpr double kDecimationShare = 0.1;  // of the output's deviation: first guess of what a linear machine leaves
+constexpr std::size_t kMostBootstrap = 400;
+
+Result<void> check(std::span<const Recording> recordings) {
+  if (recordings.empty()) return fail("no_recordings", "there is nothing to diagnose: no recording was given");
+  for (const Recording& recording : recordings) {
+    const double first = recordings.front().sample_period_s;
+    if (std::abs(recording.sample_period_s - first) > kClockTolerance * first) {
+      return fail("sample_time_differs", "the recordings have different sample times");
+    }
+    const auto [low, high] = std::minmax_element(recording.output.values.begin(), recording.output.values.end());
+    if (recording.samples() < 20 || *high <= *low) {
+      return fail("constant_output",
+                  fmt::format("{}: too few samples or an output that never changes", recording.name));
+    }
+  }
+  return {};
+}
+
+/// A ramp up and down at one speed and nothing else: lag and memory look alike (LESSONS on one slow triangle).
+bool is_one_rate(std::span<const Recording> recordings) {
+  double slow = INFINITY, fast = 0;
+  for (const Recording& recording : recordings) {
+    double ramps = 0;
+    for (const Segment& segment : recording.segments) {
+      if (segment.kind != SegmentKind::kRamp) continue;
+      ramps += static_cast<double>(segment.end - segment.begin);
+      slow = std::min(slow, std::abs(segment.rate_per_s));
+      fast = std::max(fast, std::abs(segment.rate_per_s));
+    }
+    if (ramps < 0.8 * static_cast<double>(recording.samples()) && recording.test != TestKind::kTriangle) return false;
+  }
+  return fast > 0 && fast < 1.5 * slow;
+}
+
+/// R² of Δu_t on y_t, y_{t−1}, y_{t−2} (LESSONS on regulated loops).
+double feedback_share(const Recording& recording) {
+  const auto& u = recording.input.values;
+  const auto& y = recording.output.values;
+  const std::size_t n = u.size();
+  if (n < 50) return 0;
+  Eigen::MatrixXd columns(static_cast<Eigen::Index>(n - 2), 4);
+  Eigen::VectorXd steps(static_cast<Eigen::Index>(n - 2));
+  for (std::size_t t = 2; t < n; ++t) {
+    const auto i = static_cast<Eigen::Index>(t - 2);
+    columns.row(i) << y[t], y[t - 1], y[t - 2], 1;
+    steps[i] = u[t] - u[t - 1];
+  }
+  const double mean = steps.mean();
+  const double total = (steps.array() - mean).square().sum();
+  if (total <= 0) return 0;
+  const Eigen::VectorXd gap = steps - columns * columns.colPivHouseholderQr().solve(steps);
+  return 1 - gap.squaredNorm() / total;
+}
+
+bool has_feedback(std::span<const Recording> recordings) {
+  return std::any_of(recordings.begin(), recordings.end(), [](const Recording& recording) {
+    const bool seen = std::any_of(recording.quality.begin(), recording.quality.end(),
+                                  [](const QualityItem& item) { return item.code == "feedback"; });
+    return seen || feedback_share(recording) > kFeedbackShare;
+  });
+}
+
+double pooled_noise(std::span<const Recording> recordings) {
+  double squares = 0, samples = 0;
+  for (const Recording& recording : recordings) {
+    const auto n = static_cast<double>(recording.samples());
+    squares += std::pow(noise_floor(recording).rms, 2) * n;
+    samples += n;
+  }
+  return std::sqrt(squares / samples);
+}
+
+MachineGround ground_of(std::span<const Recording> recordings, const MachineData& data) {
+  MachineGround ground;
+  ground.input_low = ground.output_low = INFINITY;
+  ground.input_high = ground.output_high = -INFINITY;
+  for (const MachineRecord& record : data.records) {
+    for (const std::size_t t : record.valid) {
+      ground.input_low = std::min(ground.input_low, record.input[t]);
+      ground.input_high = std::max(ground.input_high, record.input[t]);
+      ground.output_low = std::min(ground.output_low, record.output[t]);
+      ground.output_high = std::max(ground.output_high, record.output[t]);
+      if (t == 0) continue;
+      ground.steepest_input_per_s =
+          std::max(ground.steepest_input_per_s, std::abs(record.input[t] - record.input[t - 1]) / data.period_s);
+    }
+    ground.longest_s = std::max(ground.longest_s, static_cast<double>(record.input.size()) * data.period_s);
+  }
+  ground.input_zero = -data.input_mean / data.input_scale;
+  ground.output_zero = -data.output_mean / data.output_scale;
+  ground.single_recording = recordings.size() == 1;
+  ground.one_rate = is_one_rate(recordings);
+  for (const Channel& channel : recordings.front().side) ground.channels.push_back(channel.name);
+  return ground;
+}
+
+/// 1 − extended / baseline with an interval over the held-out groups, resampled by a fixed sequence.
+void measure_reduction(const std::vector<double>& baseline, const std::vector<double>& extended,
+                       DiscrepancyGain& gain) {
+  const std::size_t n = baseline.size();
+  std::vector<double> reductions;
+  std::uint64_t state = 0x9E3779B97F4A7C15ULL;
+  for (std::size_t draw = 0; draw < kMostBootstrap; ++draw) {
+    double difference = 0;
+    for (std::size_t i = 0; i < n; ++i) {
+      state = state * 6364136223846793005ULL + 1442695040888963407ULL;
+      const std::size_t pick = static_cast<std::size_t>(state >> 33U) % n;
+      difference += extended[pick] - baseline[pick];
+    }
+    reductions.push_back(1 - std::exp(difference / static_cast<double>(n)));
+  }
+  std::sort(reductions.begin(), reductions.end());
+  gain.reduction_ci95 = {reductions[kMostBootstrap / 40], reductions[kMostBootstrap - 1 - kMostBootstrap / 40]};
+}
+
+/// The winner refitted on everything there is, and its free runs.
+struct Extension {
+  MachineFit fit;
+  MachineData data;
+  std::vector<double> std_errors;
+};
+
+Extension extend(std::span<const Recording> recordings, const MachineData& searched, const MachineScore& winner,
+                 MachineBudget& budget) {
+  Extension extension{.fit = winner.fit, .data = searched};
+  if (searched.windows) {
+    extension.data = machine_data(recordings, 0, std::numeric_limits<std::size_t>::max());
+    extension.fit.starts.clear();
+    refine_starts(extension.data, extension.data.all_rows(), kLastIterations, extension.fit, budget);
+    MachineFit refined = extension.fit;
+    refine_machine(extension.data, extension.data.all_rows(), kLastIterations, refined, budget);
+    if (!refined.failed) extension.fit = std::move(refined);
+  }
+  extension.std_errors = standard_errors(extension.data, extension.data.all_rows(), extension.fit);
+  return extension;
+}
+
+/// Free run of one record on its recording's grid, in its own unit.
+std::vector<double> on_grid(const Extension& extension, std::size_t record, std::size_t samples) {
+  const MachineData& data = extension.data;
+  const auto y = run_record(data, record, extension.fit);
+  std::vector<double> out(samples);
+  for (std::size_t t = 0; t < samples; ++t) {
+    const std::size_t left = std::min(t / data.stride, y.size() - 1);
+    const std::size_t right = std::min(left + 1, y.size() - 1);
+    const double share = static_cast<double>(t % data.stride) / static_cast<double>(data.stride);
+    out[t] = data.output_mean + data.output_scale * (y[left] + share * (y[right] - y[left]));
+  }
+  return out;
+}
+
+Model model_of(std::span<const Recording> recordings, const Extension& extension, const MachineScore& winner) {
+  Model model;
+  model.kind = "machine";
+  model.input_unit = recordings.front().input.unit;
+  model.output_unit = recordings.front().output.unit;
+  model.machine = in_own_units(extension.data, extension.fit);
+  for (const std::string& cause : winner.causes) {
+    MechanismUse use{.cause = cause, .parameters = {}, .channel = {}};
+    for (const auto& [name, estimate] : cause_parameters(cause, extension.data, extension.fit, extension.std_errors,
+                                                         model.input_unit, model.output_unit)) {
+      if (estimate.text.empty()) use.parameters.push_back(estimate.value);
+      if (!estimate.text.empty()) use.channel = estimate.text;
+    }
+    model.mechanisms.push_back(std::move(use));
+  }
+  return model;
+}
+
+std::vector<NamedCause> causes_of(std::span<const Recording> recordings, const MachineSearch& search,
+                                  const MachineVerdict& verdict, const Extension& extension) {
+  const MachineScore& winner = *verdict.winner;
+  const double scale = extension.data.output_scale;
+  double probability = 0;
+  for (const Candidate& candidate : verdict.candidates) {
+    if (candidate.cause == winner.name()) probability = candidate.probability;
+  }
+  std::vector<NamedCause> causes;
+  for (std::size_t i = 0; i < winner.causes.size(); ++i) {
+    NamedCause cause{
+        .cause = winner.causes[i], .family = family_of(winner.causes[i]), .origin = origin_of(winner.causes[i])};
+    cause.probability = probability;
+    cause.family_probability = probability;
+    cause.alternatives = verdict.alternatives[i];
+    for (const Candidate& candidate : verdict.candidates) {
+      const bool listed =
+          std::find(cause.alternatives.begin(), cause.alternatives.end(), candidate.cause) != cause.alternatives.end();
+      if (listed && family_of(candidate.cause) == cause.family) cause.family_probability += candidate.probability;
+    }
+    cause.family_probability = std::min(1.0, cause.family_probability);
+    cause.parameters = cause_parameters(cause.cause, extension.data, extension.fit, extension.std_errors,
+                                        recordings.front().input.unit, recordings.front().output.unit);
+    cause.severity_in_population_sd = std::numeric_limits<double>::quiet_NaN();
+    cause.rmse_before = search.linear.rms() * scale;
+    cause.rmse_after = winner.rms() * scale;
+    cause.p_value = verdict.p_value;
+    std::size_t wins = 0;
+    for (std::size_t g = 0; g < winner.log_rms.size(); ++g)
+      wins += winner.log_rms[g] < search.linear.log_rms[g] ? 1 : 0;
+    cause.evidence.push_back(
+        fmt::format("{}: {:.3g} times closer than the linear machine on what was held out, better "
+                    "on {} of {} blocks",
+                    winner.place, std::exp(search.linear.mean - winner.mean), wins, winner.log_rms.size()));
+    causes.push_back(std::move(cause));
+  }
+  return causes;
+}
+
+std::vector<std::string> trace_of(const MachineSearch& search, const MachineData& data) {
+  std::vector<std::string> lines;
+  const auto line = [&](const MachineScore& score) {
+    std::string text =
+        fmt::format("{:28} {:42} fit {:.5g} heldout {:.5g} gain {:.3f} p {:.3f}", score.name(), score.place,
+                    score.fit.rms() * data.output_scale, score.held_out ? score.rms() * data.output_scale : NAN,
+                    std::exp(search.linear.mean - score.mean), sign_test(score.log_rms, search.linear.log_rms));
+    for (const MachineBlock& block : score.fit.machine.blocks) {
+      text += fmt::format(" {}", name_of(block.law));
+      if (!block.sections.empty()) text += fmt::format("{}", order_of(block.sections));
+      for (const double p : block.parameters) text += fmt::format(",{:.4g}", p);
+    }
+    lines.push_back(std::move(text));
+  };
+  line(search.linear);
+  for (const MachineScore& score : search.scores) line(score);
+  lines.push_back(fmt::format("black box {:.5g}; order {} dead {} stride {} records {} samples {} one_rate {} spent {}",
+                              search.black_box_rms * data.output_scale, search.ground.chosen_order,
+                              search.ground.dead_samples, data.stride, data.records.size(), data.samples(),
+                              search.ground.one_rate, search.budget_spent));
+  return lines;
+}
+
+void say_feedback(Discrepancy& discrepancy) {
+  for (Candidate& candidate : discrepancy.candidates) {
+    if (candidate.cause == "none" || candidate.cause == "unknown") continue;
+    candidate.status = CandidateStatus::kNotIdentifiable;
+    candidate.reason = "the input follows the output: the recording shows a controller, not the machine alone";
+  }
+}
+
+}  // namespace
+
+Result<MachineDiagnosis> diagnose_machine(std::span<const Recording> recordings, const MachineOptions& options) {
+  if (const auto checked = check(recordings); !checked) return tl::unexpected(checked.error());
+  MachineBudget budget{.block_samples = options.block_samples};
+  double spread = 0;
+  for (const Recording& recording : recordings) {
+    const auto [low, high] = std::minmax_element(recording.output.values.begin(), recording.output.values.end());
+    spread = std::max(spread, *high - *low);
+  }
+  const double noise = pooled_noise(recordings);
+  const double allowed = std::max(0.01 * kDecimationShare * spread, noise);
+  const MachineData data = machine_data(recordings, allowed, options.most_samples);
+  const MachineSearch search = search_machines(data, ground_of(recordings, data), budget);
+  const bool feedback = has_feedback(recordings);
+  const double scale = data.output_scale;
+  MachineVerdict verdict = conclude(search, data, noise / scale, feedback);
+
+  MachineDiagnosis diagnosis;
+  Discrepancy& discrepancy = diagnosis.discrepancy;
+  discrepancy.conclusion = verdict.conclusion;
+  discrepancy.findings = residual_findings(data, search.linear);
+  discrepancy.candidates = verdict.candidates;
+  for (Candidate& candidate : discrepancy.candidates) candidate.rmse_heldout *= scale;
+  if (feedback && verdict.conclusion != Conclusion::kAmbiguous) say_feedback(discrepancy);
+  DiscrepancyGain& gain = discrepancy.gain;
+  gain.heldout = data.heldout;
+  gain.rmse_baseline = search.linear.rms() * scale;
+  gain.rmse_extended = gain.rmse_baseline;
+  gain.rmse_black_box = search.black_box_rms * scale;
+  gain.noise_floor = noise;
+  if (options.trace) diagnosis.trace = trace_of(search, data);
+  if (!verdict.winner) return diagnosis;
+
+  const Extension extension = extend(recordings, data, *verdict.winner, budget);
+  gain.rmse_extended = verdict.winner->rms() * scale;
+  gain.reduction = 1 - gain.rmse_extended / gain.rmse_baseline;
+  measure_reduction(search.linear.log_rms, verdict.winner->log_rms, gain);
+  discrepancy.causes = causes_of(recordings, search, verdict, extension);
+  diagnosis.extended_model = model_of(recordings, extension, *verdict.winner);
+  for (std::size_t r = 0; r < recordings.size(); ++r) {
+    diagnosis.extended.push_back(on_grid(extension, r, recordings[r].samples()));
+  }
+  if (verdict.conclusion == Conclusion::kAmbiguous) {
+    std::vector<std::string> separates;
+    for (std::size_t i = 0; i < verdict.alternatives.size(); ++i) {
+      if (verdict.alternatives[i].empty()) continue;
+      separates.push_back(verdict.winner->causes[i]);
+      separates.insert(separates.end(), verdict.alternatives[i].begin(), verdict.alternatives[i].end());
+    }
+    discrepancy.next_test = next_machine_test(recordings, search.ground, separates);
+  }
+  return diagnosis;
+}
+
+}  // namespace valvetriage

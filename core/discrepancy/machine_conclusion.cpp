@@ -1,0 +1,260 @@
+#include "core/discrepancy/machine_conclusion.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "core/discrepancy/machine_report.h"
+
+namespace valvetriage {
+namespace {
+
+// Margins between held-out errors that served well on recordings of ten machines (LESSONS on holding out): a linear
+// truth gained 1.1 at most.
+constexpr double kOverLinear = 1.3;
+constexpr double kOverNextFamily = 1.2;
+constexpr double kOverSameFamily = 1.08;
+constexpr double kOverSingle = 1.15;
+constexpr double kRemovedBySecond = 0.3;  // of what the single leaves above the floor, in squares
+constexpr double kPooledGain = 1.5;
+constexpr double kNowhereWorse = 0.05;
+constexpr double kAboveFloors = 1.5;
+constexpr double kBlackBoxBetter = 1.3;
+constexpr double kSignificant = 0.05;
+constexpr double kExcludedWeight = 0.01;
+constexpr double kOverLinearOfFeedback = 1.5;
+// Odds of 40 to 1 at a factor 1.2: p = 0.95 is met only where the margins are.
+const double kSteepness = std::log(40.0) / std::log(kOverNextFamily);
+
+/// Stick-slip whose kinetic level is its breakaway is lost motion: the simpler name stands.
+bool is_degenerate(const MachineScore& score) {
+  for (const MachineBlock& block : score.fit.machine.blocks) {
+    if (block.law == MachineLaw::kStickSlip && block.parameters[1] > 0.9 * block.parameters[0]) return true;
+    if (block.law == MachineLaw::kLoop && block.parameters[0] < 0.02 * block.parameters[1]) return true;
+  }
+  return false;
+}
+
+bool same_causes(const MachineScore& a, const MachineScore& b) {
+  return a.name() == b.name();
+}
+
+std::string family_set(const MachineScore& score) {
+  std::vector<std::string> families;
+  for (const std::string& cause : score.causes) families.push_back(family_of(cause));
+  std::sort(families.begin(), families.end());
+  std::string all;
+  for (const std::string& family : families) all += family + "+";
+  return all;
+}
+
+bool excluded(const MachineScore& rival, const MachineScore& winner) {
+  if (!rival.held_out) return true;
+  const double ratio = std::exp(rival.mean - winner.mean);
+  if (ratio >= kOverNextFamily) return true;
+  return family_set(rival) == family_set(winner) && ratio >= kOverSameFamily &&
+         sign_test(winner.log_rms, rival.log_rms) < 2 * kSignificant;
+}
+
+double pooled(const MachineScore& score) {
+  double sum = 0;
+  for (const double value : score.log_rms) sum += std::exp(2 * value) / static_cast<double>(score.log_rms.size());
+  return std::sqrt(sum);
+}
+
+/// Better where it matters and worse nowhere: what acts in few blocks only cannot win most of them.
+bool wins_where_it_acts(const MachineScore& pair, const MachineScore& single) {
+  double worst = 0;
+  for (std::size_t i = 0; i < pair.log_rms.size(); ++i) worst = std::max(worst, pair.log_rms[i] - single.log_rms[i]);
+  return pooled(single) > kPooledGain * pooled(pair) && worst < kNowhereWorse;
+}
+
+/// Whether a pair earns its second cause beside the best single.
+bool pays(const MachineScore& pair, const MachineScore& single, double floor) {
+  const double left = std::max(std::exp(2 * single.mean) - floor * floor, 1e-18);
+  const double removed = std::exp(2 * single.mean) - std::exp(2 * pair.mean);
+  const bool most_blocks = pair.mean < single.mean - std::log(kOverSingle) &&
+                           sign_test(pair.log_rms, single.log_rms) < 2 * kSignificant;
+  return removed > kRemovedBySecond * left && (most_blocks || wins_where_it_acts(pair, single));
+}
+
+/// The best explanation: a single cause, or a pair where that pays.
+const MachineScore* best_of(const MachineSearch& search, const MachineData& data, double floor) {
+  const MachineScore* single = nullptr;
+  const MachineScore* pair = nullptr;
+  for (const MachineScore& score : search.scores) {
+    if (!score.held_out || is_degenerate(score) || !has_effect(score, data, search.ground)) continue;
+    const MachineScore*& best = score.causes.size() > 1 ? pair : single;
+    if (!best || score.mean < best->mean) best = &score;
+  }
+  if (!pair || !single) return pair ? pair : single;
+  return pays(*pair, *single, floor) ? pair : single;
+}
+
+/// Causes that could stand in the place of the winner's: from rivals that share everything else with it.
+std::vector<std::vector<std::string>> alternatives_of(const MachineSearch& search, const MachineData& data,
+                                                      const MachineScore& winner) {
+  std::vector<std::vector<std::string>> alternatives(winner.causes.size());
+  const auto offer = [&](std::size_t place, const std::string& cause) {
+    auto& list = alternatives[place];
+    if (cause == winner.causes[place] || std::find(list.begin(), list.end(), cause) != list.end()) return;
+    list.push_back(cause);
+  };
+  for (const MachineScore& rival : search.scores) {
+    if (!rival.held_out || same_causes(rival, winner) || excluded(rival, winner)) continue;
+    if (is_degenerate(rival) || !has_effect(rival, data, search.ground)) continue;
+    if (rival.mean > search.linear.mean - std::log(kOverLinear) / 2) continue;
+    for (std::size_t i = 0; i < winner.causes.size(); ++i) {
+      const bool elsewhere_same =
+          std::all_of(winner.causes.begin(), winner.causes.end(), [&](const std::string& cause) {
+            return cause == winner.causes[i] ||
+                   std::find(rival.causes.begin(), rival.causes.end(), cause) != rival.causes.end();
+          });
+      if (!elsewhere_same) continue;
+      for (const std::string& cause : rival.causes) {
+        if (std::find(winner.causes.begin(), winner.causes.end(), cause) == winner.causes.end()) offer(i, cause);
+      }
+    }
+    if (winner.causes.size() == 1 && rival.causes.size() == 1) offer(0, rival.causes[0]);
+  }
+  if (!search.ground.one_rate) return alternatives;
+  for (std::size_t i = 0; i < winner.causes.size(); ++i) {
+    if (family_of(winner.causes[i]) != "memory") continue;
+    for (const char* cause : {"hysteresis", "backlash", "friction", "extra_lag"}) offer(i, cause);
+  }
+  return alternatives;
+}
+
+Candidate row(const std::string& cause, double rms) {
+  return {.cause = cause, .probability = 0, .rmse_heldout = rms};
+}
+
+/// Every explanation once, with a weight by its held-out error; probabilities sum to 1.
+std::vector<Candidate> weigh(const MachineSearch& search, const MachineScore* winner,
+                             const std::vector<std::vector<std::string>>& alternatives, bool supported) {
+  const double reference = winner && supported ? winner->mean : search.linear.mean - std::log(kOverLinear);
+  std::vector<Candidate> rows;
+  std::vector<double> weights;
+  const auto add = [&](Candidate candidate, double weight) {
+    for (const Candidate& known : rows) {
+      if (known.cause == candidate.cause) return;
+    }
+    rows.push_back(std::move(candidate));
+    weights.push_back(weight);
+  };
+  const auto weight = [&](double mean) { return std::min(1.0, std::exp(-kSteepness * (mean - reference))); };
+  const double none_bonus = std::log(kOverLinear / kOverNextFamily);
+  for (const MachineScore& score : search.scores) {
+    Candidate candidate = row(score.name(), score.held_out ? score.rms() : std::numeric_limits<double>::quiet_NaN());
+    if (!score.held_out) candidate.reason = "its fit to all samples was far from the best: not held out";
+    double w = score.held_out ? weight(score.mean) : 0;
+    if (&score != winner && winner && supported && excluded(score, *winner)) w = std::min(w, kExcludedWeight);
+    if (is_degenerate(score)) {
+      candidate.reason = "fits as the simpler law that it contains";
+      w = std::min(w, kExcludedWeight);
+    }
+    if (!supported) w = std::min(w, 0.02);
+    add(std::move(candidate), w);
+  }
+  add(row("none", search.linear.rms()), supported ? weight(search.linear.mean - none_bonus) : 1);
+  const double unknown = std::log(search.black_box_rms);
+  Candidate black_box = row("unknown", search.black_box_rms);
+  black_box.reason = "a flexible black box, held out the same way";
+  add(std::move(black_box),
+      supported ? std::min(0.02, weight(unknown))
+                : std::min(20.0, std::exp(kSteepness * (search.linear.mean - std::log(kOverLinear) - unknown))));
+  for (const auto& list : alternatives) {
+    for (const std::string& cause : list) {
+      for (std::size_t i = 0; i < rows.size(); ++i) {
+        if (rows[i].cause == cause) weights[i] = std::max(weights[i], 0.3);
+      }
+    }
+  }
+  double sum = 0;
+  for (const double w : weights) sum += w;
+  for (std::size_t i = 0; i < rows.size(); ++i) rows[i].probability = weights[i] / sum;
+  return rows;
+}
+
+void add_untested(std::vector<Candidate>& rows) {
+  constexpr const char* kAbsorbed = "the linear machine has a gain, a delay and an offset of its own and absorbs it";
+  for (const char* cause : {"gain_loss", "transport_delay", "sensor_offset"}) {
+    rows.push_back({.cause = cause,
+                    .probability = 0,
+                    .rmse_heldout = std::numeric_limits<double>::quiet_NaN(),
+                    .status = CandidateStatus::kNotIdentifiable,
+                    .reason = kAbsorbed});
+  }
+}
+
+void decline(MachineVerdict& verdict, bool structure) {
+  verdict.winner = nullptr;
+  verdict.alternatives.clear();
+  verdict.conclusion = structure ? Conclusion::kUnexplained : Conclusion::kNone;
+}
+
+}  // namespace
+
+MachineVerdict conclude(const MachineSearch& search, const MachineData& data, double noise_rms, bool feedback) {
+  MachineVerdict verdict;
+  const MachineScore* best = best_of(search, data, noise_rms);
+  const double needed = feedback ? kOverLinearOfFeedback : kOverLinear;
+  const double linear = search.linear.rms();
+  const bool above_floor = linear > kAboveFloors * noise_rms;
+  bool supported = best && best->mean < search.linear.mean - std::log(needed) && above_floor;
+  if (best) {
+    verdict.p_value = sign_test(best->log_rms, search.linear.log_rms);
+    supported = supported && verdict.p_value < kSignificant;
+  }
+  const double explained = supported ? best->rms() : linear;
+  const double excess = std::max(linear * linear - noise_rms * noise_rms, 1e-18);
+  const double closed = (linear * linear - explained * explained) / excess;
+  const bool black_box_wins =
+      search.black_box_rms * kBlackBoxBetter < explained && above_floor &&
+      sign_test(search.black_box_log_rms, supported ? best->log_rms : search.linear.log_rms) < kSignificant;
+  if (supported &&
+      (black_box_wins || (explained > kAboveFloors * noise_rms && closed < 1 - 1 / (kOverLinear * kOverLinear)))) {
+    supported = false;
+  }
+  if (!supported) {
+    verdict.candidates = weigh(search, best, {}, false);
+    decline(verdict, above_floor && (black_box_wins ||
+                                     (feedback && best && best->mean < search.linear.mean - std::log(kOverLinear))));
+    add_untested(verdict.candidates);
+    return verdict;
+  }
+  verdict.winner = best;
+  verdict.alternatives = alternatives_of(search, data, *best);
+  if (feedback) {
+    for (std::size_t i = 0; i < best->causes.size(); ++i) {
+      for (const char* cause : {"friction", "backlash", "hysteresis"}) {
+        auto& list = verdict.alternatives[i];
+        const bool known = best->causes[i] == cause || std::find(list.begin(), list.end(), cause) != list.end();
+        if (!known && family_of(best->causes[i]) == "memory") list.emplace_back(cause);
+      }
+    }
+  }
+  verdict.candidates = weigh(search, best, verdict.alternatives, true);
+  const bool settled = std::all_of(verdict.alternatives.begin(), verdict.alternatives.end(),
+                                   [](const auto& list) { return list.empty(); });
+  const auto own = std::find_if(verdict.candidates.begin(), verdict.candidates.end(),
+                                [&](const Candidate& c) { return c.cause == best->name(); });
+  verdict.conclusion = Conclusion::kNamed;
+  if (!settled) verdict.conclusion = Conclusion::kAmbiguous;
+  if (settled && (feedback || own->probability < 0.95)) {
+    // Nothing stands beside it and yet it is not sure: the next likely cause is its rival.
+    for (const Candidate& candidate : verdict.candidates) {
+      if (candidate.cause == best->name() || candidate.cause == "none" || candidate.cause == "unknown") continue;
+      if (candidate.cause.find('+') != std::string::npos || candidate.status != CandidateStatus::kTested) continue;
+      verdict.alternatives.back().push_back(candidate.cause);
+      break;
+    }
+    verdict.conclusion = Conclusion::kAmbiguous;
+  }
+  add_untested(verdict.candidates);
+  return verdict;
+}
+
+}  // namespace valvetriage

@@ -1,0 +1,72 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "core/discrepancy/machine_data.h"
+#include "core/model/machine.h"
+
+namespace valvetriage {
+
+/// Where in a machine a free number stands.
+enum class MachineField : std::uint8_t { kParameter, kSectionE, kSectionF, kNumerator, kFeedback };
+
+struct FreeParameter {
+  std::size_t block = 0;
+  MachineField field = MachineField::kParameter;
+  std::size_t index = 0;
+  bool logarithmic = false;
+  double lower = -1e9, upper = 1e9;  ///< in the value itself
+};
+
+/// A machine with what may move in it, and where it stands in a search.
+struct MachineFit {
+  Machine machine;
+  std::vector<FreeParameter> free;
+  std::vector<std::vector<double>> starts;  ///< per record, start_size(machine) each
+  double squares = 0;                       ///< squared residuals over the fitted rows, scaled units
+  std::size_t rows = 0;
+  bool failed = false;  ///< its run left the range of numbers
+
+  double rms() const;
+  std::size_t freedoms() const { return free.size(); }
+};
+
+/// Samples that may still be simulated: a budget counts work, not seconds.
+struct MachineBudget {
+  double block_samples = 0;
+  bool spent() const { return block_samples <= 0; }
+};
+
+using MachineRows = std::vector<std::vector<std::size_t>>;
+
+/// Every section and coefficient of a linear (or feedback) block as free parameters.
+std::vector<FreeParameter> free_dynamics(const MachineBlock& block, std::size_t index);
+
+double value_of(const Machine& machine, const FreeParameter& parameter);
+void set_value(Machine& machine, const FreeParameter& parameter, double value);
+
+/// Bounded Levenberg-Marquardt on free parameters and every record's start, free-run error over the rows.
+///
+/// Jacobian by differences from the block that moves onwards; coefficients of a linear block by its basis signals.
+/// Sections stay stable and within SectionLimits; modes slower than half the longest record cost one unit of χ² per
+/// squared e-fold. A step that does not lower the error is not taken, so the result is never worse than the start.
+void refine_machine(const MachineData& data, const MachineRows& rows, int iterations, MachineFit& fit,
+                    MachineBudget& budget);
+
+/// Squared error of the fit as it stands.
+void evaluate_machine(const MachineData& data, const MachineRows& rows, MachineFit& fit, MachineBudget& budget);
+
+/// Starts of the given records alone, on their rows; everything shared stays.
+void refine_starts(const MachineData& data, const MachineRows& rows, int iterations, MachineFit& fit,
+                   MachineBudget& budget);
+
+/// Standard errors of the free parameters at the fit, scaled by the residual's autocorrelation up to a tenth of the
+/// record. Infinite where the data do not determine one.
+std::vector<double> standard_errors(const MachineData& data, const MachineRows& rows, const MachineFit& fit);
+
+/// Free run of one record.
+std::vector<double> run_record(const MachineData& data, std::size_t record, const MachineFit& fit);
+
+}  // namespace valvetriage

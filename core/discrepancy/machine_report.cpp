@@ -1,0 +1,367 @@
+#include "core/discrepancy/machine_report.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <boost/math/distributions/fisher_f.hpp>
+#include <cmath>
+#include <functional>
+#include <limits>
+
+namespace valvetriage {
+namespace {
+
+constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+constexpr double kNothing = 0.003;  // of the range: below, a width or a curve has no effect that a reader could see
+
+double gain_at_rest(const std::vector<Section>& sections, const std::vector<double>& weights) {
+  double sum = 0;
+  std::size_t i = 0;
+  for (std::size_t s = sections.size(); s-- > 0 && i < weights.size();) {
+    sum += weights[i++];
+    if (sections[s].order == 2) ++i;
+  }
+  if (i < weights.size()) sum += weights[i];
+  return sum;
+}
+
+const MachineBlock* find_block(const MachineFit& fit, MachineLaw law, std::size_t* index = nullptr) {
+  for (std::size_t b = 0; b < fit.machine.blocks.size(); ++b) {
+    if (fit.machine.blocks[b].law != law) continue;
+    if (index) *index = b;
+    return &fit.machine.blocks[b];
+  }
+  return nullptr;
+}
+
+/// Writes estimates: value = factor · parameter + offset, error alike.
+class Writer {
+ public:
+  Writer(const MachineFit& fit, const std::vector<double>& errors) : fit_(fit), errors_(errors) {}
+
+  void add(const std::string& name, std::size_t block, std::size_t index, double factor, double offset,
+           const std::string& unit) {
+    const double value = fit_.machine.blocks[block].parameters[index];
+    add_value(name, factor * value + offset, std::abs(factor) * error_of(block, index), unit);
+  }
+
+  void add_value(const std::string& name, double value, double error, const std::string& unit) {
+    ParameterEstimate estimate{.value = value, .std_error = error, .unit = unit};
+    estimate.ci95 = {value - 1.96 * error, value + 1.96 * error};
+    estimate.population_mean = estimate.population_sd = kUnknown;
+    estimates.emplace_back(name, estimate);
+  }
+
+  double error_of(std::size_t block, std::size_t index) const {
+    for (std::size_t i = 0; i < fit_.free.size() && i < errors_.size(); ++i) {
+      const FreeParameter& p = fit_.free[i];
+      if (p.block == block && p.field == MachineField::kParameter && p.index == index) return errors_[i];
+    }
+    return 0;
+  }
+
+  std::vector<std::pair<std::string, ParameterEstimate>> estimates;
+
+ private:
+  const MachineFit& fit_;
+  const std::vector<double>& errors_;
+};
+
+/// Factor and offset from the signal that enters block `from` to the reading, at rest.
+std::pair<double, double> to_reading(const MachineFit& fit, std::size_t from) {
+  double factor = 1, offset = 0;
+  for (std::size_t b = from; b < fit.machine.blocks.size(); ++b) {
+    const MachineBlock& block = fit.machine.blocks[b];
+    if (block.law == MachineLaw::kAffine) {
+      factor *= block.parameters[0];
+      offset = offset * block.parameters[0] + block.parameters[1];
+    } else if (block.law == MachineLaw::kLinear || block.law == MachineLaw::kSpring ||
+               block.law == MachineLaw::kRestoringLoop) {
+      const double gain = gain_at_rest(block.sections, block.numerator);
+      factor *= gain;
+      offset *= gain;
+    }
+  }
+  return {factor, offset};
+}
+
+void add_levels(Writer& writer, const MachineData& data, const MachineFit& fit, const std::string& unit) {
+  for (std::size_t b = 0; b < fit.machine.blocks.size(); ++b) {
+    const MachineBlock& block = fit.machine.blocks[b];
+    if (block.law == MachineLaw::kTanks) {
+      writer.add_value("level_psi", block.parameters[8] * data.output_scale + data.output_mean,
+                       writer.error_of(b, 8) * data.output_scale, unit);
+    }
+    if (block.law != MachineLaw::kUpperLimit && block.law != MachineLaw::kLowerLimit) continue;
+    const auto [factor, offset] = to_reading(fit, b + 1);
+    const bool upper = (block.law == MachineLaw::kUpperLimit) == (factor > 0);
+    writer.add(upper ? "level_psi" : "lower_level_psi", b, 0, factor * data.output_scale,
+               offset * data.output_scale + data.output_mean, unit);
+  }
+}
+
+void add_friction(Writer& writer, const MachineData& data, const MachineFit& fit, const std::string& unit) {
+  std::size_t b = 0;
+  if (const MachineBlock* stick = find_block(fit, MachineLaw::kStickSlip, &b)) {
+    writer.add("breakaway_A", b, 0, data.input_scale, 0, unit);
+    if (stick->parameters[1] < stick->parameters[0]) {
+      writer.add("kinetic_A", b, 1, data.input_scale, 0, unit);
+    } else {
+      writer.add("kinetic_A", b, 0, data.input_scale, 0, unit);
+    }
+  } else if (const MachineBlock* motion = find_block(fit, MachineLaw::kMotion, &b)) {
+    const double to_input = data.input_scale / std::abs(motion->parameters[0] + motion->parameters[1]);
+    const bool stribeck = motion->parameters[6] > motion->parameters[5];
+    writer.add("breakaway_A", b, stribeck ? 6 : 5, to_input, 0, unit);
+    writer.add("kinetic_A", b, 5, to_input, 0, unit);
+  }
+}
+
+void add_loop(Writer& writer, const MachineData& data, const MachineFit& fit, const std::string& unit) {
+  std::size_t b = 0;
+  if (find_block(fit, MachineLaw::kLoop, &b)) {
+    writer.add("width_A", b, 0, data.input_scale, 0, unit);
+  } else if (const MachineBlock* loop = find_block(fit, MachineLaw::kRestoringLoop, &b)) {
+    // h comes to rest at 1 / (beta + delta) on a long way up; both ends of that, as an input.
+    const double most = 1 / std::max(loop->parameters[0] + loop->parameters[1], 1e-9);
+    const double gain = gain_at_rest(loop->sections, loop->numerator);
+    const double width = 2 * most * std::abs(gain_at_rest(loop->sections, loop->feedback) / gain) * data.input_scale;
+    writer.add_value("width_A", width, width * writer.error_of(b, 0) / std::max(loop->parameters[0], 1e-9), unit);
+  }
+}
+
+void add_side(Writer& writer, const MachineData& data, const MachineFit& fit, const std::string& unit) {
+  std::size_t b = 0;
+  const MachineBlock* side = find_block(fit, MachineLaw::kSide, &b);
+  if (!side) return;
+  ParameterEstimate channel{.text = side->channel};
+  channel.population_mean = channel.population_sd = kUnknown;
+  writer.estimates.emplace_back("channel", channel);
+  writer.add("coefficient", b, 0, data.output_scale, 0, unit);
+}
+
+std::string per(const std::string& unit, const char* what) {
+  return unit.empty() ? std::string() : unit + what;
+}
+
+}  // namespace
+
+std::vector<std::pair<std::string, ParameterEstimate>> cause_parameters(const std::string& cause,
+                                                                        const MachineData& data, const MachineFit& fit,
+                                                                        const std::vector<double>& std_errors,
+                                                                        const std::string& input_unit,
+                                                                        const std::string& output_unit) {
+  Writer writer(fit, std_errors);
+  std::size_t b = 0;
+  const double su = data.input_scale, sy = data.output_scale;
+  if (cause == "friction") add_friction(writer, data, fit, input_unit);
+  if (cause == "hysteresis") add_loop(writer, data, fit, input_unit);
+  if (cause == "saturation") add_levels(writer, data, fit, output_unit);
+  if (cause == "side_input") add_side(writer, data, fit, output_unit);
+  if (cause == "backlash" && find_block(fit, MachineLaw::kPlay, &b)) writer.add("width_A", b, 0, su, 0, input_unit);
+  if (cause == "dead_band" && find_block(fit, MachineLaw::kDeadBand, &b)) {
+    writer.add("centre_A", b, 0, su, data.input_mean, input_unit);
+    writer.add("width_A", b, 1, su, 0, input_unit);
+  }
+  if (cause == "static_curve" && find_block(fit, MachineLaw::kCurve, &b)) writer.add("curvature", b, 0, 1, 0, "");
+  if (cause == "rate_limit" && find_block(fit, MachineLaw::kRateLimit, &b)) {
+    writer.add("limit_A_per_s", b, 0, su, 0, per(input_unit, "/s"));
+  }
+  if (cause == "asymmetric_response") {
+    if (const MachineBlock* lag = find_block(fit, MachineLaw::kLag, &b)) {
+      const double ratio = lag->parameters[1] / lag->parameters[0];
+      const double relative =
+          std::hypot(writer.error_of(b, 0) / lag->parameters[0], writer.error_of(b, 1) / lag->parameters[1]);
+      writer.add_value("fall_to_rise_ratio", ratio, ratio * relative, "");
+    }
+  }
+  if (cause == "orifice_flow" && find_block(fit, MachineLaw::kTanks, &b)) writer.add("exponent", b, 5, 1, 0, "");
+  if (cause == "stiffening_spring") {
+    if (const MachineBlock* spring = find_block(fit, MachineLaw::kSpring)) {
+      double error = 0;
+      for (std::size_t i = 0; i < fit.free.size() && i < std_errors.size(); ++i) {
+        if (fit.free[i].field == MachineField::kFeedback && fit.free[i].index == 0) error = std_errors[i];
+      }
+      writer.add_value("cubic_coefficient", -gain_at_rest(spring->sections, spring->feedback) / (sy * sy),
+                       error / (sy * sy), output_unit.empty() ? "" : "1/" + output_unit + "2");
+    }
+  }
+  if (cause == "periodic_disturbance") {
+    if (const MachineBlock* tone = find_block(fit, MachineLaw::kTone, &b)) {
+      writer.add("frequency_hz", b, 2, 1, 0, "Hz");
+      writer.add_value("amplitude_psi", std::hypot(tone->parameters[0], tone->parameters[1]) * sy,
+                       std::hypot(writer.error_of(b, 0), writer.error_of(b, 1)) * sy, output_unit);
+    }
+  }
+  if (cause == "sensor_drift" && find_block(fit, MachineLaw::kDrift, &b)) {
+    writer.add("drift_psi_per_s", b, 0, sy, 0, per(output_unit, "/s"));
+  }
+  if (cause == "thermal_drift" && find_block(fit, MachineLaw::kWarming, &b)) {
+    writer.add("gain_change", b, 0, 1, 0, "");
+    writer.add("time_constant_s", b, 1, 1, 0, "s");
+  }
+  if (cause == "intermittent" && find_block(fit, MachineLaw::kGainStep, &b)) {
+    writer.add("time_s", b, 1, 1, 0, "s");
+    writer.add("gain_change", b, 0, 1, 0, "");
+  }
+  return writer.estimates;
+}
+
+bool has_effect(const MachineScore& score, const MachineData& data, const MachineGround& ground) {
+  const double input = ground.input_range();
+  for (std::size_t b = 0; b < score.fit.machine.blocks.size(); ++b) {
+    const MachineBlock& block = score.fit.machine.blocks[b];
+    const auto& p = block.parameters;
+    switch (block.law) {
+      case MachineLaw::kPlay:
+      case MachineLaw::kStickSlip:
+      case MachineLaw::kLoop:
+        if (p[0] < kNothing * input) return false;
+        break;
+      case MachineLaw::kDeadBand:
+        if (p[1] < kNothing * input) return false;
+        break;
+      case MachineLaw::kCurve:
+        if (std::abs(p[0]) < 0.02) return false;
+        break;
+      case MachineLaw::kRateLimit:
+        // A step across the range that takes less than three samples is a matter of when the step came.
+        if (p[0] * score.fit.machine.sample_period_s * 3 > input) return false;
+        break;
+      case MachineLaw::kLag:
+        if (std::abs(std::log(p[1] / p[0])) < 0.05) return false;
+        break;
+      case MachineLaw::kSpring:
+        if (-gain_at_rest(block.sections, block.feedback) < 1e-4) return false;
+        break;
+      case MachineLaw::kMotion:
+        if (p[5] < kNothing * std::abs(p[0] + p[1]) * input) return false;
+        break;
+      case MachineLaw::kTone:
+        if (std::hypot(p[0], p[1]) * std::sqrt(0.5) < 0.1 * score.fit.rms()) return false;
+        break;
+      default:
+        break;
+    }
+  }
+  (void)data;
+  return true;
+}
+
+Machine in_own_units(const MachineData& data, const MachineFit& fit) {
+  Machine machine;
+  machine.sample_period_s = data.period_s;
+  machine.interval_means = data.interval_means;
+  MachineBlock in, out;
+  in.law = out.law = MachineLaw::kAffine;
+  in.parameters = {1 / data.input_scale, -data.input_mean / data.input_scale};
+  out.parameters = {data.output_scale, data.output_mean};
+  machine.blocks.push_back(in);
+  machine.blocks.insert(machine.blocks.end(), fit.machine.blocks.begin(), fit.machine.blocks.end());
+  machine.blocks.push_back(out);
+  return machine;
+}
+
+std::vector<Finding> residual_findings(const MachineData& data, const MachineScore& linear) {
+  constexpr std::size_t kBins = 10;
+  struct View {
+    const char* what;
+    std::function<double(const MachineRecord&, const std::vector<double>&, std::size_t)> of;
+  };
+  const std::vector<View> views{
+      {"depends on the direction in which the input moves",
+       [](const MachineRecord& r, const auto&, std::size_t t) {
+         const double step = t > 0 ? r.input[t] - r.input[t - 1] : 0;
+         return step > 0 ? 1.0 : (step < 0 ? -1.0 : 0.0);
+       }},
+      {"depends on the level of the simulated output",
+       [](const MachineRecord&, const auto& y, std::size_t t) { return y[t]; }},
+      {"depends on the level of the input",
+       [](const MachineRecord& r, const auto&, std::size_t t) { return r.input[t]; }},
+      {"depends on the time into the recording",
+       [](const MachineRecord& r, const auto&, std::size_t t) { return r.start_s + static_cast<double>(t); }}};
+  std::vector<double> residual;
+  std::vector<std::vector<double>> seen(views.size());
+  for (std::size_t r = 0; r < data.records.size(); ++r) {
+    const auto y = run_record(data, r, linear.fit);
+    for (const std::size_t t : data.records[r].valid) {
+      residual.push_back(data.records[r].output[t] - y[t]);
+      for (std::size_t v = 0; v < views.size(); ++v) seen[v].push_back(views[v].of(data.records[r], y, t));
+    }
+  }
+  double mean = 0, power = 0, lagged = 0;
+  for (const double e : residual) mean += e / static_cast<double>(residual.size());
+  for (double& e : residual) e -= mean;
+  for (std::size_t i = 0; i < residual.size(); ++i) {
+    power += residual[i] * residual[i];
+    if (i > 0) lagged += residual[i] * residual[i - 1];
+  }
+  // Samples that count: neighbours of a slow residual say the same thing.
+  const double rho = std::clamp(lagged / std::max(power, 1e-300), 0.0, 0.999);
+  const double effective = static_cast<double>(residual.size()) * (1 - rho) / (1 + rho);
+  std::vector<Finding> findings;
+  for (std::size_t v = 0; v < views.size(); ++v) {
+    std::vector<double> sorted = seen[v];
+    std::sort(sorted.begin(), sorted.end());
+    std::vector<double> sums(kBins), counts(kBins);
+    for (std::size_t i = 0; i < residual.size(); ++i) {
+      const auto below = std::lower_bound(sorted.begin(), sorted.end(), seen[v][i]) - sorted.begin();
+      const std::size_t bin = std::min(kBins - 1, static_cast<std::size_t>(below) * kBins / sorted.size());
+      sums[bin] += residual[i];
+      counts[bin] += 1;
+    }
+    double explained = 0, used = 0;
+    for (std::size_t b = 0; b < kBins; ++b) {
+      if (counts[b] == 0) continue;
+      explained += sums[b] * sums[b] / counts[b];
+      used += 1;
+    }
+    if (used < 2 || effective < used + 2 || power <= 0) continue;
+    const double share = explained / power;
+    const double statistic = share / (1 - std::min(share, 1 - 1e-12)) * (effective - used) / (used - 1);
+    const boost::math::fisher_f f(used - 1, effective - used);
+    findings.push_back(
+        {views[v].what, "all recordings", statistic, boost::math::cdf(boost::math::complement(f, statistic)), share});
+  }
+  std::stable_sort(findings.begin(), findings.end(), [](const Finding& a, const Finding& b) {
+    return a.share_of_structured_residual > b.share_of_structured_residual;
+  });
+  return findings;
+}
+
+NextTest next_machine_test(std::span<const Recording> recordings, const MachineGround& ground,
+                           const std::vector<std::string>& separates) {
+  constexpr double kFaster = 5;
+  constexpr int kCycles = 3;
+  const Recording& first = recordings.front();
+  const auto [low, high] = std::minmax_element(first.input.values.begin(), first.input.values.end());
+  const double duration = static_cast<double>(first.samples()) * first.sample_period_s;
+  NextTest test;
+  test.test = "triangle";
+  test.separates = separates;
+  test.expected_probability = ground.one_rate ? 0.9 : 0.7;
+  const double period = ground.one_rate ? duration / kFaster : duration / (2 * kCycles);
+  test.why = ground.one_rate
+                 ? fmt::format(
+                       "one sweep at one rate cannot tell a loop from a lag: the same triangle {} times as fast "
+                       "widens the loop of a lag by that factor and leaves that of a memory alone",
+                       kFaster)
+                 : "reversals at several amplitudes show which memory or curve it is: play has flat tops, friction "
+                   "jumps, a smooth loop has neither";
+  const std::string name = first.input.name.empty() ? "u" : first.input.name;
+  const double scale = first.input.file_unit_scale != 0 ? first.input.file_unit_scale : 1;
+  test.input_csv = fmt::format("time_s,{}\n", name);
+  const double middle = 0.5 * (*low + *high);
+  constexpr int kPoints = 200;  // per cycle
+  for (int i = 0; i <= kCycles * kPoints; ++i) {
+    const double phase = static_cast<double>(i % kPoints) / kPoints;
+    const double shape = phase < 0.25 ? 4 * phase : (phase < 0.75 ? 2 - 4 * phase : 4 * phase - 4);
+    // Without rates to vary, the amplitude falls from cycle to cycle.
+    const double amplitude = ground.one_rate ? 1 : std::pow(0.5, i / kPoints);
+    const double u = middle + amplitude * 0.5 * (*high - *low) * shape;
+    test.input_csv += fmt::format("{:.6g},{:.6g}\n", period * i / kPoints, u / scale);
+  }
+  return test;
+}
+
+}  // namespace valvetriage

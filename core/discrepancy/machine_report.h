@@ -1,0 +1,34 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/discrepancy/discrepancy.h"
+#include "core/discrepancy/machine_search.h"
+#include "core/model/model.h"
+
+namespace valvetriage {
+
+/// Parameters of one cause of a fitted machine, in the recordings' units and the contract's names.
+std::vector<std::pair<std::string, ParameterEstimate>> cause_parameters(const std::string& cause,
+                                                                        const MachineData& data, const MachineFit& fit,
+                                                                        const std::vector<double>& std_errors,
+                                                                        const std::string& input_unit,
+                                                                        const std::string& output_unit);
+
+/// False for a law that stands in the chain but does nothing: width, curvature or amplitude next to zero, a level that
+/// is never reached.
+bool has_effect(const MachineScore& score, const MachineData& data, const MachineGround& ground);
+
+/// The fitted chain between the recordings' own units.
+Machine in_own_units(const MachineData& data, const MachineFit& fit);
+
+/// What the linear machine's residual depends on, strongest first.
+std::vector<Finding> residual_findings(const MachineData& data, const MachineScore& linear);
+
+/// An input that would tell the alternatives apart.
+NextTest next_machine_test(std::span<const Recording> recordings, const MachineGround& ground,
+                           const std::vector<std::string>& separates);
+
+}  // namespace valvetriage

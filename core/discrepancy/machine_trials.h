@@ -1,0 +1,75 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "core/discrepancy/machine_fit.h"
+#include "core/identify/output_error.h"
+
+namespace valvetriage {
+
+/// The linear machine of one order, fitted in free run.
+struct LinearMachine {
+  int order = 0;
+  MachineFit fit;  ///< one linear block
+};
+
+/// What laws are started from: the linear machines and the ranges of the signals, all in scaled units.
+struct MachineGround {
+  std::vector<LinearMachine> linear;  ///< ascending in order
+  int chosen_order = 1;               ///< of the linear machine with the lowest held-out error
+  int dead_samples = 0;
+  double input_low = 0, input_high = 0, output_low = 0, output_high = 0;
+  double input_zero = 0, output_zero = 0;  ///< zero of the recordings' own units
+  double steepest_input_per_s = 0;
+  std::vector<double> tones_hz;       ///< off the input's lines, strongest in the residual first
+  std::vector<std::string> channels;  ///< side channels
+  bool single_recording = true;
+  bool one_rate = false;  ///< a sweep at one rate: dynamics cannot be told from memory, the core is static
+  double longest_s = 0;
+
+  double input_range() const { return input_high - input_low; }
+  double output_range() const { return output_high - output_low; }
+  const LinearMachine& of_order(int order) const;
+};
+
+/// One explanation: its causes by their contract names, and where its fit may begin.
+struct MachineTrial {
+  std::vector<std::string> causes;
+  std::string place;  ///< "on the input", "between two linear blocks", ...
+  std::vector<MachineFit> starts;
+};
+
+/// A law on a signal that can be set into any chain: what a pair's second member must be.
+struct SignalLaw {
+  std::string cause;
+  std::string place;
+  bool on_input = false;
+  struct Start {
+    std::vector<MachineBlock> blocks;
+    std::vector<FreeParameter> free;  ///< block counted from the first of `blocks`
+  };
+  std::vector<Start> starts;
+};
+
+/// Laws on the input or the output that the ranges allow.
+std::vector<SignalLaw> signal_laws(const MachineGround& ground);
+
+/// `law` set into a fitted chain, in front or at the end.
+MachineFit with_law(const MachineFit& fit, const SignalLaw& law, const SignalLaw::Start& start);
+
+/// Every single explanation: laws on input and output around each order of linear machine, laws between two linear
+/// blocks, laws inside a motion, tanks.
+std::vector<MachineTrial> single_trials(const MachineData& data, const MachineGround& ground);
+
+/// Parts of single_trials.
+std::vector<MachineTrial> sandwich_trials(const MachineGround& ground);
+std::vector<MachineTrial> motion_trials(const MachineGround& ground);
+std::vector<MachineTrial> tank_trials(const MachineData& data, const MachineGround& ground);
+MachineTrial magnitude_trial(const MachineData& data, const MachineGround& ground);
+
+/// Family and origin of a cause in the contract's table.
+std::string family_of(const std::string& cause);
+std::string origin_of(const std::string& cause);
+
+}  // namespace valvetriage

@@ -1,0 +1,271 @@
+#include <algorithm>
+#include <cmath>
+#include <complex>
+
+#include "core/discrepancy/machine_trials.h"
+
+namespace valvetriage {
+namespace {
+
+using Field = MachineField;
+
+constexpr int kMostSandwichOrder = 6;
+constexpr int kMostSplits = 6;
+
+FreeParameter parameter(std::size_t block, std::size_t index, double lower, double upper, bool logarithmic = false) {
+  return {block, Field::kParameter, index, logarithmic, lower, upper};
+}
+
+double gain_at_rest(const MachineBlock& block) {
+  double sum = 0;
+  std::size_t i = 0;
+  for (std::size_t s = block.sections.size(); s-- > 0 && i < block.numerator.size();) {
+    sum += block.numerator[i++];
+    if (block.sections[s].order == 2) ++i;
+  }
+  if (i < block.numerator.size()) sum += block.numerator[i];
+  return sum;
+}
+
+/// Ways to give some of the sections to the first block and the rest to the second; halves of a section of real poles
+/// count as sections.
+std::vector<std::pair<std::vector<Section>, std::vector<Section>>> splits(const std::vector<Section>& sections) {
+  std::vector<std::vector<std::complex<double>>> parts;
+  for (const Section& section : sections) {
+    const auto poles = poles_of(std::span(&section, 1));
+    if (poles.size() == 2 && poles[0].imag() == 0) {
+      parts.push_back({poles[0]});
+      parts.push_back({poles[1]});
+    } else {
+      parts.push_back(poles);
+    }
+  }
+  std::vector<std::pair<std::vector<Section>, std::vector<Section>>> all;
+  const SectionLimits free_range(1'000'000'000);
+  for (unsigned mask = 1; mask + 1 < (1U << parts.size()) && all.size() < kMostSplits; ++mask) {
+    std::vector<std::complex<double>> first, second;
+    for (std::size_t i = 0; i < parts.size(); ++i) {
+      auto& side = (mask >> i & 1U) != 0 ? first : second;
+      side.insert(side.end(), parts[i].begin(), parts[i].end());
+    }
+    all.emplace_back(sections_from_poles(first, free_range), sections_from_poles(second, free_range));
+  }
+  return all;
+}
+
+/// Linear block, law, linear block. The first has gain 1 on its slowest state; the second carries the gain.
+MachineFit sandwich(const MachineGround& g, const std::vector<Section>& first, const std::vector<Section>& second,
+                    double gain, const std::vector<MachineBlock>& laws, const std::vector<FreeParameter>& law_free) {
+  MachineBlock in, out;
+  in.sections = first;
+  in.delay_samples = g.dead_samples;
+  in.numerator.assign(static_cast<std::size_t>(order_of(first)) + 1, 0.0);
+  in.numerator[0] = 1;
+  out.sections = second;
+  out.numerator.assign(static_cast<std::size_t>(order_of(second)) + 1, 0.0);
+  out.numerator[0] = gain;
+  MachineFit fit;
+  fit.machine.sample_period_s = g.linear.front().fit.machine.sample_period_s;
+  fit.machine.blocks.push_back(in);
+  fit.machine.blocks.insert(fit.machine.blocks.end(), laws.begin(), laws.end());
+  fit.machine.blocks.push_back(out);
+  const std::size_t last = fit.machine.blocks.size() - 1;
+  MachineBlock offset;
+  offset.law = MachineLaw::kAffine;
+  offset.parameters = {1, 0};
+  fit.machine.blocks.push_back(offset);
+  for (const FreeParameter& p : free_dynamics(in, 0)) {
+    if (p.field != Field::kNumerator || p.index != 0) fit.free.push_back(p);
+  }
+  for (FreeParameter p : law_free) {
+    p.block += 1;
+    fit.free.push_back(p);
+  }
+  for (const FreeParameter& p : free_dynamics(out, last)) fit.free.push_back(p);
+  fit.free.push_back(parameter(last + 1, 1, -1e3, 1e3));
+  return fit;
+}
+
+struct MiddleLaw {
+  const char* cause;
+  std::vector<MachineBlock> blocks;
+  std::vector<FreeParameter> free;
+};
+
+MachineBlock block_of(MachineLaw law, std::vector<double> parameters) {
+  MachineBlock block;
+  block.law = law;
+  block.parameters = std::move(parameters);
+  return block;
+}
+
+std::vector<MiddleLaw> middle_laws(const MachineGround& g) {
+  const double range = g.input_range();
+  const auto upper = block_of(MachineLaw::kUpperLimit, {0.3 * g.input_high, 0.05 * range});
+  const auto lower = block_of(MachineLaw::kLowerLimit, {0.3 * g.input_low, 0.05 * range});
+  const auto level = [&](std::size_t b) { return parameter(b, 0, g.input_low - range, g.input_high + range); };
+  const auto soft = [&](std::size_t b) { return parameter(b, 1, 1e-4 * range, range, true); };
+  return {{"saturation", {upper}, {level(0), soft(0)}},
+          {"saturation", {lower}, {level(0), soft(0)}},
+          {"saturation", {upper, lower}, {level(0), soft(0), level(1), soft(1)}},
+          {"dead_band",
+           {block_of(MachineLaw::kDeadBand, {0, 0.1 * range})},
+           {parameter(0, 0, g.input_low, g.input_high), parameter(0, 1, 1e-6, range, true)}},
+          {"static_curve", {block_of(MachineLaw::kCurve, {0.3, g.input_low, range})}, {parameter(0, 0, -3, 3)}}};
+}
+
+/// The linear machine with the powers of its own output fed back: a hardening (or softening) spring.
+MachineFit spring(const LinearMachine& linear, double cubic) {
+  MachineFit fit = linear.fit;
+  MachineBlock& block = fit.machine.blocks[0];
+  block.law = MachineLaw::kSpring;
+  const double offset = fit.machine.blocks[1].parameters[1];
+  block.parameters = {-offset};
+  block.feedback.assign(static_cast<std::size_t>(linear.order), 0.0);
+  block.feedback[0] = -cubic;
+  const auto fixed = fit.free;
+  fit.free = free_dynamics(block, 0);
+  for (const FreeParameter& p : fixed) {
+    if (p.block == 1) fit.free.push_back(p);
+  }
+  return fit;
+}
+
+MachineFit restoring_loop(const LinearMachine& linear, double share, double beta) {
+  MachineFit fit = linear.fit;
+  MachineBlock& block = fit.machine.blocks[0];
+  block.law = MachineLaw::kRestoringLoop;
+  block.parameters = {beta, 0};
+  block.feedback.assign(static_cast<std::size_t>(linear.order), 0.0);
+  block.feedback[0] = -share;
+  for (double& c : block.numerator) c *= 1 + share;
+  const auto fixed = fit.free;
+  fit.free = free_dynamics(block, 0);
+  fit.free.push_back(parameter(0, 0, 1e-3, 1e3, true));
+  fit.free.push_back(parameter(0, 1, -1e3, 1e3));
+  for (const FreeParameter& p : fixed) {
+    if (p.block == 1) fit.free.push_back(p);
+  }
+  for (auto& start : fit.starts) start.insert(start.begin() + linear.order, 0.0);
+  return fit;
+}
+
+/// Friction inside a motion: a mass whose poles are those of the linear machine.
+MachineFit friction_in_motion(const MachineGround& g, const LinearMachine& linear, double share, bool shows_speed) {
+  const MachineBlock& block = linear.fit.machine.blocks[0];
+  const double period = linear.fit.machine.sample_period_s;
+  const auto poles = poles_of(block.sections);
+  std::complex<double> sum = 0, product = 1;
+  for (const auto& pole : poles) {
+    const std::complex<double> rate = std::log(pole) / period;
+    sum -= rate;
+    product *= -rate;
+  }
+  const double damping = std::max(sum.real(), 1e-3 / g.longest_s);
+  const double stiffness = shows_speed ? 0 : std::max(product.real(), 0.0);
+  const double gain = gain_at_rest(block) * (shows_speed ? damping : stiffness);
+  const double force = share * std::abs(gain) * g.input_range();
+  MachineFit fit;
+  fit.machine.sample_period_s = period;
+  MachineBlock motion =
+      block_of(MachineLaw::kMotion, {gain, 0, 0, stiffness, damping, force, 1.2 * force, shows_speed ? 1.0 : 0.0});
+  motion.delay_samples = g.dead_samples;
+  fit.machine.blocks = {motion, block_of(MachineLaw::kAffine, {1, linear.fit.machine.blocks[1].parameters[1]})};
+  fit.free = {parameter(0, 0, -1e12, 1e12), parameter(0, 1, -1e12, 1e12), parameter(0, 4, 1e-9, 1e9, true),
+              parameter(0, 5, 1e-9 * std::max(force, 1e-9), 1e12, true),
+              parameter(0, 6, 1e-9 * std::max(force, 1e-9), 1e12, true)};
+  if (shows_speed) {
+    fit.free.push_back(parameter(0, 2, -1e12, 1e12));
+  } else {
+    fit.free.push_back(parameter(0, 3, 1e-9, 1e12, true));
+    fit.free.push_back(parameter(1, 1, -1e3, 1e3));
+  }
+  return fit;
+}
+
+}  // namespace
+
+std::vector<MachineTrial> sandwich_trials(const MachineGround& g) {
+  std::vector<MachineTrial> trials;
+  for (const MiddleLaw& law : middle_laws(g)) {
+    MachineTrial trial{{law.cause}, "between two linear blocks", {}};
+    for (const LinearMachine& linear : g.linear) {
+      if (linear.order < 2 || linear.order > kMostSandwichOrder) continue;
+      if (linear.order != 2 && linear.order != g.chosen_order && linear.order != g.chosen_order + 1) continue;
+      const MachineBlock& block = linear.fit.machine.blocks[0];
+      for (const auto& [first, second] : splits(block.sections)) {
+        trial.starts.push_back(sandwich(g, first, second, gain_at_rest(block), law.blocks, law.free));
+      }
+    }
+    trials.push_back(std::move(trial));
+  }
+  return trials;
+}
+
+std::vector<MachineTrial> motion_trials(const MachineGround& g) {
+  MachineTrial stiffening{{"stiffening_spring"}, "in the restoring force", {}};
+  MachineTrial loop{{"hysteresis"}, "in the restoring force", {}};
+  MachineTrial friction{{"friction"}, "inside the motion", {}};
+  for (const LinearMachine& linear : g.linear) {
+    if (linear.order < 1 || linear.order > 3) continue;
+    if (linear.order >= 2) {
+      for (const double cubic : {0.005, 0.05, 0.2}) stiffening.starts.push_back(spring(linear, cubic));
+      for (const double share : {0.1, 0.5}) {
+        for (const double beta : {0.3, 2.0}) loop.starts.push_back(restoring_loop(linear, share, beta));
+      }
+    }
+    if (linear.order > 2) continue;
+    for (const double share : {0.01, 0.05, 0.2}) {
+      friction.starts.push_back(friction_in_motion(g, linear, share, linear.order == 1));
+    }
+  }
+  return {stiffening, loop, friction};
+}
+
+std::vector<MachineTrial> tank_trials(const MachineData& data, const MachineGround& g) {
+  const double period = data.period_s;
+  MachineTrial plain{{"orifice_flow"}, "in the outflow", {}};
+  MachineTrial spilling{{"orifice_flow", "saturation"}, "in the outflow, with a rim", {}};
+  const auto poles = poles_of(g.of_order(2).fit.machine.blocks[0].sections);
+  const double slowest = std::min(0.9999, std::max(std::abs(poles.front()), std::abs(poles.back())));
+  const double gain = gain_at_rest(g.of_order(2).fit.machine.blocks[0]);
+  if (!(slowest > 0.3) || !(gain > 0)) return {};  // a tank that empties within samples, or fills when told to empty
+  const double lag_s = -period / std::log(slowest);
+  constexpr double kNoRim = 1e6;
+  for (const double tanks : {1.0, 2.0}) {
+    for (const double depth : {0.05, 0.2, 0.6}) {
+      const double zero = g.output_low - depth * g.output_range();
+      const double mean_level = -zero;  // outputs are about their mean
+      const double outflow = 2 * std::sqrt(mean_level) / (lag_s / (tanks > 1 ? 2 : 1));
+      const double inflow = outflow * std::sqrt(mean_level);
+      const double slope = gain * outflow / (2 * std::sqrt(mean_level));
+      const double closed = -inflow / slope;
+      MachineBlock tank =
+          block_of(MachineLaw::kTanks, {tanks, slope, closed, outflow, outflow, 0.5, kNoRim, 0, kNoRim, zero});
+      MachineFit fit;
+      fit.machine.sample_period_s = period;
+      fit.machine.blocks = {tank};
+      fit.free = {parameter(0, 1, 1e-9, 1e9, true), parameter(0, 2, -1e3, g.input_high),
+                  parameter(0, 4, 1e-9, 1e9, true), parameter(0, 9, -50, g.output_low)};
+      if (tanks > 1) fit.free.push_back(parameter(0, 3, 1e-9, 1e9, true));
+      plain.starts.push_back(fit);
+      auto& rims = fit.machine.blocks[0].parameters;
+      const double deepest = g.output_high - zero;
+      rims[8] = g.output_high;
+      fit.free.push_back(parameter(0, 8, g.output_high - 0.3 * g.output_range(), g.output_high + 0.1 * g.output_range()));
+      spilling.starts.push_back(fit);
+      if (tanks < 2) continue;
+      for (const double rim : {0.7, 1.0}) {
+        rims[6] = rim * deepest;
+        rims[7] = 0.5;
+        MachineFit both = fit;
+        both.free.push_back(parameter(0, 6, 0.05 * deepest, 50 * deepest, true));
+        both.free.push_back(parameter(0, 7, 0, 1));
+        spilling.starts.push_back(both);
+      }
+    }
+  }
+  return {plain, spilling};
+}
+
+}  // namespace valvetriage
