@@ -10,6 +10,7 @@
 
 #include "core/discrepancy/machine_conclusion.h"
 #include "core/discrepancy/machine_report.h"
+#include "core/mechanisms/mechanism.h"
 #include "core/residual/noise_floor.h"
 
 namespace valvetriage {
@@ -170,6 +171,23 @@ std::vector<double> on_grid(const Extension& extension, std::size_t record, std:
   return out;
 }
 
+/// The cause as the table of laws writes it; what the chain has no figure for takes the law's own default, or nothing.
+MechanismUse use_of(const std::string& cause,
+                    const std::vector<std::pair<std::string, ParameterEstimate>>& estimates) {
+  MechanismUse use{.cause = cause, .parameters = {}, .channel = {}};
+  const Mechanism* law = find_mechanism(cause);
+  if (!law) return use;
+  for (const MechanismParameter& parameter : law->parameters) {
+    double value = std::isnan(parameter.otherwise) ? 0 : parameter.otherwise;
+    for (const auto& [name, estimate] : estimates) {
+      if (name == parameter.name) value = estimate.value;
+      if (!estimate.text.empty()) use.channel = estimate.text;
+    }
+    use.parameters.push_back(value);
+  }
+  return use;
+}
+
 Model model_of(std::span<const Recording> recordings, const Extension& extension, const MachineScore& winner) {
   Model model;
   model.kind = "machine";
@@ -177,12 +195,9 @@ Model model_of(std::span<const Recording> recordings, const Extension& extension
   model.output_unit = recordings.front().output.unit;
   model.machine = in_own_units(extension.data, extension.fit);
   for (const std::string& cause : winner.causes) {
-    MechanismUse use{.cause = cause, .parameters = {}, .channel = {}};
-    for (const auto& [name, estimate] : cause_parameters(cause, extension.data, extension.fit, extension.std_errors,
-                                                         model.input_unit, model.output_unit)) {
-      if (estimate.text.empty()) use.parameters.push_back(estimate.value);
-      if (!estimate.text.empty()) use.channel = estimate.text;
-    }
+    const auto estimates = cause_parameters(cause, extension.data, extension.fit, extension.std_errors,
+                                            model.input_unit, model.output_unit);
+    MechanismUse use = use_of(cause, estimates);
     model.mechanisms.push_back(std::move(use));
   }
   return model;

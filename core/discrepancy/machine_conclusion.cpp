@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <boost/math/distributions/students_t.hpp>
 #include <cmath>
 #include <limits>
 
@@ -19,6 +20,7 @@ constexpr double kOverSameFamily = 1.08;
 constexpr double kOverSingle = 1.15;
 constexpr double kRemovedBySecond = 0.3;  // of what the single leaves above the floor, in squares
 constexpr double kPooledGain = 1.5;
+constexpr double kPairedErrors = 3;       // standard errors over the blocks
 constexpr double kNowhereWorse = 0.05;
 constexpr double kAboveFloors = 1.5;
 constexpr double kBlackBoxBetter = 1.3;
@@ -50,12 +52,41 @@ std::string family_set(const MachineScore& score) {
   return all;
 }
 
+/// A rival that has all of the winner's causes and more: no other explanation, only a longer one.
+bool contains(const MachineScore& rival, const MachineScore& winner) {
+  return rival.causes.size() > winner.causes.size() &&
+         std::all_of(winner.causes.begin(), winner.causes.end(), [&](const std::string& cause) {
+           return std::find(rival.causes.begin(), rival.causes.end(), cause) != rival.causes.end();
+         });
+}
+
+/// Mean over groups of how much better one is, in its standard errors.
+double paired_t(const MachineScore& better, const MachineScore& worse) {
+  const auto n = static_cast<double>(better.log_rms.size());
+  const double mean = worse.mean - better.mean;
+  double squares = 0;
+  for (std::size_t i = 0; i < better.log_rms.size(); ++i) {
+    squares += std::pow(worse.log_rms[i] - better.log_rms[i] - mean, 2);
+  }
+  return n > 2 ? mean / std::sqrt(squares / (n - 1) / n + 1e-12) : 0;
+}
+
+/// By the sign test, or where the blocks agree on how much, by Student's t; twice the smaller for having both.
+double p_value_of(const MachineScore& better, const MachineScore& worse) {
+  const auto n = static_cast<double>(better.log_rms.size());
+  const double signs = sign_test(better.log_rms, worse.log_rms);
+  if (n < 3) return signs;
+  const boost::math::students_t student(n - 1);
+  const double t = 2 * boost::math::cdf(boost::math::complement(student, std::max(0.0, paired_t(better, worse))));
+  return std::min(1.0, std::min(signs, 2 * t));
+}
+
 bool excluded(const MachineScore& rival, const MachineScore& winner) {
-  if (!rival.held_out) return true;
+  if (!rival.held_out || contains(rival, winner)) return true;
   const double ratio = std::exp(rival.mean - winner.mean);
   if (ratio >= kOverNextFamily) return true;
   return family_set(rival) == family_set(winner) && ratio >= kOverSameFamily &&
-         sign_test(winner.log_rms, rival.log_rms) < 2 * kSignificant;
+         (sign_test(winner.log_rms, rival.log_rms) < 2 * kSignificant || paired_t(winner, rival) > kPairedErrors);
 }
 
 double pooled(const MachineScore& score) {
@@ -205,7 +236,7 @@ MachineVerdict conclude(const MachineSearch& search, const MachineData& data, do
   const bool above_floor = linear > kAboveFloors * noise_rms;
   bool supported = best && best->mean < search.linear.mean - std::log(needed) && above_floor;
   if (best) {
-    verdict.p_value = sign_test(best->log_rms, search.linear.log_rms);
+    verdict.p_value = p_value_of(*best, search.linear);
     supported = supported && verdict.p_value < kSignificant;
   }
   const double explained = supported ? best->rms() : linear;

@@ -255,13 +255,15 @@ std::vector<MachineTrial> tank_trials(const MachineData& data, const MachineGrou
       fit.free.push_back(parameter(0, 8, g.output_high - 0.3 * g.output_range(), g.output_high + 0.1 * g.output_range()));
       spilling.starts.push_back(fit);
       if (tanks < 2) continue;
-      for (const double rim : {0.7, 1.0}) {
-        rims[6] = rim * deepest;
-        rims[7] = 0.5;
-        MachineFit both = fit;
-        both.free.push_back(parameter(0, 6, 0.05 * deepest, 50 * deepest, true));
-        both.free.push_back(parameter(0, 7, 0, 1));
-        spilling.starts.push_back(both);
+      for (const double rim : {0.6, 1.0, 1.6}) {
+        for (const double share : {0.3, 0.85}) {
+          rims[6] = rim * deepest;
+          rims[7] = share;
+          MachineFit both = fit;
+          both.free.push_back(parameter(0, 6, 0.05 * deepest, 50 * deepest, true));
+          both.free.push_back(parameter(0, 7, 0, 1));
+          spilling.starts.push_back(both);
+        }
       }
     }
   }
