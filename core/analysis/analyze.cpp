@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "core/analysis/classify_valve.h"
+#include "core/discrepancy/machine.h"
 #include "core/identify/baseline.h"
 #include "core/identify/valve_fit.h"
 #include "core/residual/fit_figures.h"
@@ -260,6 +261,17 @@ std::vector<LevelFigures> figures_by_level(std::span<const Recording> recordings
   return by_level;
 }
 
+/// What the linear machine gets wrong on its own recordings. Recordings that allow no diagnosis (an output that never
+/// changes, different sample times) have none; the rest of the analysis stands.
+void diagnose_self(std::span<const Recording> recordings, Analysis& analysis) {
+  auto diagnosis = diagnose_machine(recordings, MachineOptions{});
+  if (!diagnosis) return;
+  analysis.discrepancy = std::move(diagnosis->discrepancy);
+  if (diagnosis->extended.empty()) return;
+  analysis.extended_model = std::move(diagnosis->extended_model);
+  analysis.extended = std::move(diagnosis->extended);
+}
+
 }  // namespace
 
 Result<Analysis> analyze(std::span<const Recording> recordings, const AnalysisOptions& options) {
@@ -292,6 +304,7 @@ Result<Analysis> analyze(std::span<const Recording> recordings, const AnalysisOp
                                            options.rule_base);
   analysis.simulated = std::move(runs->baseline);
   analysis.extended_model = analysis.baseline.model;
+  if (analysis.baseline.kind == BaselineKind::kSelf) diagnose_self(recordings, analysis);
   return analysis;
 }
 

@@ -193,6 +193,7 @@ Model model_of(std::span<const Recording> recordings, const Extension& extension
   model.kind = "machine";
   model.input_unit = recordings.front().input.unit;
   model.output_unit = recordings.front().output.unit;
+  model.dynamics.domain = Domain::kS;  // not used: the chain has its own
   model.machine = in_own_units(extension.data, extension.fit);
   for (const std::string& cause : winner.causes) {
     const auto estimates = cause_parameters(cause, extension.data, extension.fit, extension.std_errors,
