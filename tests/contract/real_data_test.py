@@ -2,9 +2,13 @@
 
 usage: real_data_test.py VALVETRIAGE DATA_FOLDER
 """
+import csv
+import io
 import json
+import math
 import pathlib
 import sys
+import tempfile
 import unittest
 
 sys.path.append(str(pathlib.Path(__file__).parents[1]))
@@ -73,6 +77,47 @@ class RealData(unittest.TestCase):
         # A hard limit at 3 mA of 19: a line correlates with the square wave that a triangle drives to 3/4, so
         # it leaves sqrt(1 - 3/4), half the norm.
         self.assertGreater(self.fit_percent(PRESSURE_GAIN, "--method", "oe", "--order", "1"), 45)
+
+    def test_the_servovalves_pressure_saturates_at_3000_psi_and_its_loop_could_be_several_things(self):
+        discrepancy = self.analysis(PRESSURE_GAIN)["discrepancy"]
+        self.assertEqual(discrepancy["conclusion"], "ambiguous")
+        causes = {cause["cause"]: cause for cause in discrepancy["causes"]}
+        levels = causes["saturation"]["parameters"]
+        self.assertEqual(causes["saturation"]["alternatives"], [])
+        self.assertAlmostEqual(levels["level_psi"]["value"], 3000, delta=60)
+        self.assertAlmostEqual(levels["lower_level_psi"]["value"], -3000, delta=60)
+        [loop] = [cause for cause in causes.values() if cause["family"] == "memory"]
+        # One sweep at one rate: a loop, lost motion, sticking and a lag look alike.
+        self.assertEqual({loop["cause"], *loop["alternatives"]}, {"hysteresis", "backlash", "friction", "extra_lag"})
+        self.assertAlmostEqual(loop["parameters"]["width_A"]["value"], 0.89e-3, delta=0.089e-3)
+        self.assertIn("rate", discrepancy["next_test"]["why"])
+
+    def validation_rmse(self, model):
+        """Free run on the tanks' validation record from its first 5 samples, scored from the sixth on."""
+        with tempfile.NamedTemporaryFile("w", suffix=".json") as file:
+            json.dump(model, file)
+            file.flush()
+            done = self.service.run("simulate", "--model", file.name, "--input", DATA / "cascaded_tanks/validation.csv",
+                                    *UNITLESS, "--initial-samples", "5")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        rows = list(csv.DictReader(io.StringIO(done.stdout)))[5:]
+        gaps = [float(row["output_measured"]) - float(row["output_simulated"]) for row in rows]
+        return math.sqrt(sum(gap * gap for gap in gaps) / len(gaps))
+
+    def test_the_tanks_overflow_is_found_and_the_extended_model_predicts_another_record(self):
+        analysis = self.analysis("cascaded_tanks/estimation.csv")
+        causes = {cause["cause"] for cause in analysis["discrepancy"]["causes"]}
+        self.assertLessEqual({"orifice_flow", "saturation"}, causes)
+        # Published: best linear 0.75 V, nonlinear state space 0.34 V, physical grey box with overflow 0.18 V.
+        extended = self.validation_rmse(analysis["extended_model"])
+        linear = self.validation_rmse(analysis["baseline"]["model"])
+        self.assertLess(extended, 0.34)
+        self.assertLess(extended, 0.6 * linear)
+
+    def test_a_nearly_linear_arm_is_given_no_name(self):
+        analysis = self.analysis("robot_arm/robot_arm.csv")
+        self.assertGreater(analysis["simulation"]["fit_percent"], 96)
+        self.assertNotIn(analysis["discrepancy"]["conclusion"], ("named", "ambiguous"))
 
 
 if __name__ == "__main__":
