@@ -33,14 +33,26 @@ HEAD = """# Real recordings
 Measured by other people, kept outside the project (`VALVETRIAGE_REAL_DATA`, default `../shared/data`). One line per
 file: the analysis of `analyze --json`, seconds of that process, and what `submit --wait` to a running server gave.
 rmse is of the free-run simulation, in the output's unit (psi for pressures); a file alone has no reference, so it is
-compared with itself (`self`) and has no verdict. Made by
+compared with itself (`self`) and has no verdict. Conclusion, causes (what could stand in their place in brackets) and
+how much closer the extended model is on samples that it has not seen. Made by
 
 ```
 python3 tests/real_data_table.py build/release/valvetriage ../shared/data >tests/REAL_DATA.md
 ```
 
-| file | samples | kind | quality items | baseline | rmse | fit % | verdict: reason | seconds | over HTTP |
-|---|--:|---|---|---|--:|--:|---|--:|---|"""
+| file | samples | kind | quality items | baseline | rmse | fit % | conclusion: causes | held-out gain | verdict: reason | seconds | over HTTP |
+|---|--:|---|---|---|--:|--:|---|--:|---|--:|---|"""
+
+
+def causes_of(discrepancy):
+    """What was found, each cause with its parameters and with what the data cannot tell it from."""
+    texts = []
+    for cause in discrepancy["causes"]:
+        values = ", ".join(f"{name} {estimate['value']:.4g}" if isinstance(estimate["value"], float) else estimate["value"]
+                           for name, estimate in cause["parameters"].items())
+        rivals = f" [or {', '.join(cause['alternatives'])}]" if cause["alternatives"] else ""
+        texts.append(f"{cause['cause']} ({values}){rivals}")
+    return f"{discrepancy['conclusion']}: {'; '.join(texts)}" if texts else discrepancy["conclusion"]
 
 
 def row(service, data, name, options):
@@ -56,8 +68,12 @@ def row(service, data, name, options):
     recording, simulation = analysis["recordings"][0], analysis["simulation"]
     quality = "; ".join(f"`{item['code']}` {item['count']}: {item['detail']}" for item in recording["quality"])
     classification = analysis["classification"]
+    discrepancy = analysis["discrepancy"]
+    gain = discrepancy["gain"]
+    factor = f"{gain['rmse_baseline'] / gain['rmse_extended']:.3g}" if discrepancy["causes"] else ""
     cells = [name, f"{recording['samples']:,}", recording["test"], quality, analysis["baseline"]["kind"],
              f"{simulation['rmse']:.4g}", f"{simulation['fit_percent']:.1f}",
+             causes_of(discrepancy), factor,
              f"{classification['verdict'] or 'null'}: {classification['reason']}", f"{seconds:.1f}",
              f"{submission['state']}, exit {status}, {same}"]
     return "| " + " | ".join(cells) + " |"

@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "core/analysis/classify_valve.h"
+#include "core/discrepancy/machine.h"
 #include "core/discrepancy/valve_diagnosis.h"
 #include "core/identify/baseline.h"
 #include "core/identify/valve_fit.h"
@@ -289,6 +290,17 @@ std::vector<LevelFigures> figures_by_level(std::span<const Recording> recordings
   return by_level;
 }
 
+/// What the linear machine gets wrong on its own recordings. Recordings that allow no diagnosis (an output that never
+/// changes, different sample times) have none; the rest of the analysis stands.
+void diagnose_self(std::span<const Recording> recordings, Analysis& analysis) {
+  auto diagnosis = diagnose_machine(recordings, MachineOptions{});
+  if (!diagnosis) return;
+  analysis.discrepancy = std::move(diagnosis->discrepancy);
+  if (diagnosis->extended.empty()) return;
+  analysis.extended_model = std::move(diagnosis->extended_model);
+  analysis.extended = std::move(diagnosis->extended);
+}
+
 }  // namespace
 
 Result<Analysis> analyze(std::span<const Recording> recordings, const AnalysisOptions& options) {
@@ -323,6 +335,7 @@ Result<Analysis> analyze(std::span<const Recording> recordings, const AnalysisOp
   analysis.simulation.cross_domain_rmse = cross_domain_rmse(recordings, analysis.frequency_response);
   analysis.simulated = std::move(runs->baseline);
   analysis.extended = std::move(runs->extended);
+  if (analysis.baseline.kind == BaselineKind::kSelf) diagnose_self(recordings, analysis);
   if (analysis.extended.empty()) analysis.extended_model = analysis.baseline.model;
   return analysis;
 }

@@ -10,6 +10,7 @@
 
 #include "core/discrepancy/machine_conclusion.h"
 #include "core/discrepancy/machine_report.h"
+#include "core/mechanisms/mechanism.h"
 #include "core/residual/noise_floor.h"
 
 namespace valvetriage {
@@ -170,19 +171,33 @@ std::vector<double> on_grid(const Extension& extension, std::size_t record, std:
   return out;
 }
 
+/// The cause as the table of laws writes it; what the chain has no figure for takes the law's own default, or nothing.
+MechanismUse use_of(const std::string& cause, const std::vector<std::pair<std::string, ParameterEstimate>>& estimates) {
+  MechanismUse use{.cause = cause, .parameters = {}, .channel = {}};
+  const Mechanism* law = find_mechanism(cause);
+  if (!law) return use;
+  for (const MechanismParameter& parameter : law->parameters) {
+    double value = std::isnan(parameter.otherwise) ? 0 : parameter.otherwise;
+    for (const auto& [name, estimate] : estimates) {
+      if (name == parameter.name) value = estimate.value;
+      if (!estimate.text.empty()) use.channel = estimate.text;
+    }
+    use.parameters.push_back(value);
+  }
+  return use;
+}
+
 Model model_of(std::span<const Recording> recordings, const Extension& extension, const MachineScore& winner) {
   Model model;
   model.kind = "machine";
   model.input_unit = recordings.front().input.unit;
   model.output_unit = recordings.front().output.unit;
+  model.dynamics.domain = Domain::kS;  // not used: the chain has its own
   model.machine = in_own_units(extension.data, extension.fit);
   for (const std::string& cause : winner.causes) {
-    MechanismUse use{.cause = cause, .parameters = {}, .channel = {}};
-    for (const auto& [name, estimate] : cause_parameters(cause, extension.data, extension.fit, extension.std_errors,
-                                                         model.input_unit, model.output_unit)) {
-      if (estimate.text.empty()) use.parameters.push_back(estimate.value);
-      if (!estimate.text.empty()) use.channel = estimate.text;
-    }
+    const auto estimates = cause_parameters(cause, extension.data, extension.fit, extension.std_errors,
+                                            model.input_unit, model.output_unit);
+    MechanismUse use = use_of(cause, estimates);
     model.mechanisms.push_back(std::move(use));
   }
   return model;
@@ -192,21 +207,26 @@ std::vector<NamedCause> causes_of(std::span<const Recording> recordings, const M
                                   const MachineVerdict& verdict, const Extension& extension) {
   const MachineScore& winner = *verdict.winner;
   const double scale = extension.data.output_scale;
-  double probability = 0;
-  for (const Candidate& candidate : verdict.candidates) {
-    if (candidate.cause == winner.name()) probability = candidate.probability;
-  }
+  const auto probability_of = [&](const std::string& cause) {
+    double sum = 0;
+    for (const Candidate& candidate : verdict.candidates) {
+      const std::string list = "+" + candidate.cause + "+";
+      if (list.find("+" + cause + "+") != std::string::npos) sum += candidate.probability;
+    }
+    return std::min(sum, 1.0);
+  };
   std::vector<NamedCause> causes;
   for (std::size_t i = 0; i < winner.causes.size(); ++i) {
     NamedCause cause{
         .cause = winner.causes[i], .family = family_of(winner.causes[i]), .origin = origin_of(winner.causes[i])};
-    cause.probability = probability;
-    cause.family_probability = probability;
+    cause.probability = probability_of(cause.cause);
+    cause.family_probability = cause.probability;
     cause.alternatives = verdict.alternatives[i];
     for (const Candidate& candidate : verdict.candidates) {
       const bool listed =
           std::find(cause.alternatives.begin(), cause.alternatives.end(), candidate.cause) != cause.alternatives.end();
-      if (listed && family_of(candidate.cause) == cause.family) cause.family_probability += candidate.probability;
+      if (listed && family_of(candidate.cause) == cause.family)
+        cause.family_probability += probability_of(candidate.cause);
     }
     cause.family_probability = std::min(1.0, cause.family_probability);
     cause.parameters = cause_parameters(cause.cause, extension.data, extension.fit, extension.std_errors,
@@ -230,10 +250,12 @@ std::vector<NamedCause> causes_of(std::span<const Recording> recordings, const M
 std::vector<std::string> trace_of(const MachineSearch& search, const MachineData& data) {
   std::vector<std::string> lines;
   const auto line = [&](const MachineScore& score) {
-    std::string text =
-        fmt::format("{:28} {:42} fit {:.5g} heldout {:.5g} gain {:.3f} p {:.3f}", score.name(), score.place,
-                    score.fit.rms() * data.output_scale, score.held_out ? score.rms() * data.output_scale : NAN,
-                    std::exp(search.linear.mean - score.mean), sign_test(score.log_rms, search.linear.log_rms));
+    const BlockComparison whitened = compare_whitened(score, search.linear);
+    std::string text = fmt::format(
+        "{:28} {:42} fit {:.5g} heldout {:.5g} gain {:.3f} p {:.3f} whitened {:.3f} p {:.3f}", score.name(),
+        score.place, score.fit.rms() * data.output_scale, score.held_out ? score.rms() * data.output_scale : NAN,
+        std::exp(search.linear.mean - score.mean), compare_blocks(score.log_rms, search.linear.log_rms).p_value,
+        std::exp(whitened.log_gain), whitened.p_value);
     for (const MachineBlock& block : score.fit.machine.blocks) {
       text += fmt::format(" {}", name_of(block.law));
       if (!block.sections.empty()) text += fmt::format("{}", order_of(block.sections));

@@ -19,7 +19,12 @@ constexpr double kOverSameFamily = 1.08;
 constexpr double kOverSingle = 1.15;
 constexpr double kRemovedBySecond = 0.3;  // of what the single leaves above the floor, in squares
 constexpr double kPooledGain = 1.5;
-constexpr double kNowhereWorse = 0.05;
+constexpr double kOverLinearWhitened = 1.1;  // of what a linear machine with more freedom gains at most in slow noise
+constexpr double kAddedShare = 0.1;          // of the squared error that a second cause takes away
+constexpr double kBeyondDoubt = 2;           // times closer: no consistency over blocks is asked for
+constexpr double kConsistent = 0.1;
+constexpr double kNearFloor = 2;  // noise floors that a confident name may leave without a wider margin
+constexpr double kConfident = 0.01;
 constexpr double kAboveFloors = 1.5;
 constexpr double kBlackBoxBetter = 1.3;
 constexpr double kSignificant = 0.05;
@@ -50,25 +55,40 @@ std::string family_set(const MachineScore& score) {
   return all;
 }
 
+/// A rival that has all of the winner's causes and more: no other explanation, only a longer one.
+bool contains(const MachineScore& rival, const MachineScore& winner) {
+  return rival.causes.size() > winner.causes.size() &&
+         std::all_of(winner.causes.begin(), winner.causes.end(), [&](const std::string& cause) {
+           return std::find(rival.causes.begin(), rival.causes.end(), cause) != rival.causes.end();
+         });
+}
+
+/// A rival is out of the race where the winner is clearly and consistently closer. One that was not held out is out
+/// only where its fit to all samples is clearly worse: the search stopped there for want of effort, not of merit.
 bool excluded(const MachineScore& rival, const MachineScore& winner) {
-  if (!rival.held_out) return true;
-  const double ratio = std::exp(rival.mean - winner.mean);
-  if (ratio >= kOverNextFamily) return true;
-  return family_set(rival) == family_set(winner) && ratio >= kOverSameFamily &&
-         sign_test(winner.log_rms, rival.log_rms) < 2 * kSignificant;
+  if (contains(rival, winner)) return true;
+  if (!rival.held_out) return rival.fit.rms() >= kOverNextFamily * winner.fit.rms();
+  const BlockComparison comparison = compare_blocks(winner.log_rms, rival.log_rms);
+  const double ratio = std::exp(comparison.log_gain);
+  if (ratio >= kBeyondDoubt) return true;
+  const double needed = family_set(rival) == family_set(winner) ? kOverSameFamily : kOverNextFamily;
+  return ratio >= needed && comparison.p_value < kConsistent;
 }
 
-double pooled(const MachineScore& score) {
-  double sum = 0;
-  for (const double value : score.log_rms) sum += std::exp(2 * value) / static_cast<double>(score.log_rms.size());
-  return std::sqrt(sum);
+double squares_of(const MachineScore& score, std::size_t group) {
+  return std::exp(2 * score.log_rms[group]);
 }
 
-/// Better where it matters and worse nowhere: what acts in few blocks only cannot win most of them.
+/// Better where it matters and worse nowhere: what acts in few blocks only cannot win most of them. The squared error
+/// that it adds anywhere must be small against what it takes away.
 bool wins_where_it_acts(const MachineScore& pair, const MachineScore& single) {
-  double worst = 0;
-  for (std::size_t i = 0; i < pair.log_rms.size(); ++i) worst = std::max(worst, pair.log_rms[i] - single.log_rms[i]);
-  return pooled(single) > kPooledGain * pooled(pair) && worst < kNowhereWorse;
+  double taken = 0, added = 0, before = 0;
+  for (std::size_t i = 0; i < pair.log_rms.size(); ++i) {
+    const double change = squares_of(single, i) - squares_of(pair, i);
+    (change > 0 ? taken : added) += std::abs(change);
+    before += squares_of(single, i);
+  }
+  return taken - added > (1 - 1 / (kPooledGain * kPooledGain)) * before && added < kAddedShare * taken;
 }
 
 /// Whether a pair earns its second cause beside the best single.
@@ -189,6 +209,31 @@ void add_untested(std::vector<Candidate>& rows) {
   }
 }
 
+/// What a name needs beside its margins before it is given with confidence: evidence that chance gives once in a
+/// hundred, and either nearly nothing left unexplained or twice the accuracy of the next family. What leaves much
+/// structure behind can be beaten by a law that is not in the vocabulary (LESSONS on model bias).
+bool is_beyond_doubt(const MachineSearch& search, const MachineData& data, const MachineScore& best, double noise_rms,
+                     const MachineVerdict& verdict) {
+  if (verdict.p_value >= kConfident) return false;
+  if (best.rms() <= kNearFloor * noise_rms) return true;
+  if (search.black_box_rms < kBeyondDoubt * best.rms()) return false;
+  return std::all_of(search.scores.begin(), search.scores.end(), [&](const MachineScore& rival) {
+    if (!rival.held_out || contains(rival, best) || family_set(rival) == family_set(best)) return true;
+    if (is_degenerate(rival) || !has_effect(rival, data, search.ground)) return true;
+    return rival.rms() >= kBeyondDoubt * best.rms();
+  });
+}
+
+/// The closest single cause that is not one of the winner's own; empty where none was held out.
+std::string next_best(const MachineSearch& search, const MachineData& data, const MachineScore& best) {
+  for (const MachineScore& rival : search.scores) {
+    if (!rival.held_out || rival.causes.size() != 1 || is_degenerate(rival)) continue;
+    const bool own = std::find(best.causes.begin(), best.causes.end(), rival.causes[0]) != best.causes.end();
+    if (!own && has_effect(rival, data, search.ground)) return rival.causes[0];
+  }
+  return {};
+}
+
 void decline(MachineVerdict& verdict, bool structure) {
   verdict.winner = nullptr;
   verdict.alternatives.clear();
@@ -205,8 +250,10 @@ MachineVerdict conclude(const MachineSearch& search, const MachineData& data, do
   const bool above_floor = linear > kAboveFloors * noise_rms;
   bool supported = best && best->mean < search.linear.mean - std::log(needed) && above_floor;
   if (best) {
-    verdict.p_value = sign_test(best->log_rms, search.linear.log_rms);
-    supported = supported && verdict.p_value < kSignificant;
+    const BlockComparison whitened = compare_whitened(*best, search.linear);
+    verdict.p_value = compare_blocks(best->log_rms, search.linear.log_rms).p_value;
+    supported = supported && verdict.p_value < kSignificant && whitened.log_gain > std::log(kOverLinearWhitened) &&
+                whitened.p_value < kSignificant;
   }
   const double explained = supported ? best->rms() : linear;
   const double excess = std::max(linear * linear - noise_rms * noise_rms, 1e-18);
@@ -243,14 +290,18 @@ MachineVerdict conclude(const MachineSearch& search, const MachineData& data, do
                                 [&](const Candidate& c) { return c.cause == best->name(); });
   verdict.conclusion = Conclusion::kNamed;
   if (!settled) verdict.conclusion = Conclusion::kAmbiguous;
-  if (settled && (feedback || own->probability < 0.95)) {
-    // Nothing stands beside it and yet it is not sure: the next likely cause is its rival.
-    for (const Candidate& candidate : verdict.candidates) {
-      if (candidate.cause == best->name() || candidate.cause == "none" || candidate.cause == "unknown") continue;
-      if (candidate.cause.find('+') != std::string::npos || candidate.status != CandidateStatus::kTested) continue;
-      verdict.alternatives.back().push_back(candidate.cause);
-      break;
+  if (settled && (feedback || own->probability < 0.95 || !is_beyond_doubt(search, data, *best, noise_rms, verdict))) {
+    // Nothing stands beside it and yet it is not sure: the next best single cause is its rival. Without one it is
+    // structure that no law accounts for.
+    const std::string rival = next_best(search, data, *best);
+    if (rival.empty()) {
+      verdict.candidates = weigh(search, best, {}, false);
+      decline(verdict, true);
+      add_untested(verdict.candidates);
+      return verdict;
     }
+    verdict.alternatives.back().push_back(rival);
+    verdict.candidates = weigh(search, best, verdict.alternatives, true);
     verdict.conclusion = Conclusion::kAmbiguous;
   }
   add_untested(verdict.candidates);

@@ -330,6 +330,17 @@ std::vector<FreeParameter> free_dynamics(const MachineBlock& block, std::size_t 
   return free;
 }
 
+double gain_at_rest(const std::vector<Section>& sections, const std::vector<double>& weights) {
+  double sum = 0;
+  std::size_t i = 0;
+  for (std::size_t s = sections.size(); s-- > 0 && i < weights.size();) {
+    sum += weights[i++];
+    if (sections[s].order == 2) ++i;
+  }
+  if (i < weights.size()) sum += weights[i];
+  return sum;
+}
+
 double value_of(const Machine& machine, const FreeParameter& p) {
   const MachineBlock& block = machine.blocks[p.block];
   switch (p.field) {

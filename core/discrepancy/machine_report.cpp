@@ -14,17 +14,6 @@ namespace {
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 constexpr double kNothing = 0.003;  // of the range: below, a width or a curve has no effect that a reader could see
 
-double gain_at_rest(const std::vector<Section>& sections, const std::vector<double>& weights) {
-  double sum = 0;
-  std::size_t i = 0;
-  for (std::size_t s = sections.size(); s-- > 0 && i < weights.size();) {
-    sum += weights[i++];
-    if (sections[s].order == 2) ++i;
-  }
-  if (i < weights.size()) sum += weights[i];
-  return sum;
-}
-
 const MachineBlock* find_block(const MachineFit& fit, MachineLaw law, std::size_t* index = nullptr) {
   for (std::size_t b = 0; b < fit.machine.blocks.size(); ++b) {
     if (fit.machine.blocks[b].law != law) continue;
@@ -85,6 +74,45 @@ std::pair<double, double> to_reading(const MachineFit& fit, std::size_t from) {
   return {factor, offset};
 }
 
+/// Whether a limit is passed by the signal that enters it, often enough to be seen: a limit out of reach is a curve at
+/// most, and the name of a level that nothing ever came to would be a guess.
+bool is_reached(const MachineData& data, const MachineFit& fit, std::size_t limit) {
+  constexpr double kLeastShare = 0.005;
+  const MachineBlock& block = fit.machine.blocks[limit];
+  const double level = block.parameters[0];
+  std::size_t beyond = 0, samples = 0;
+  for (std::size_t r = 0; r < data.records.size(); ++r) {
+    const MachineRecord& record = data.records[r];
+    Machine before = fit.machine;
+    before.blocks.resize(limit);
+    const auto signal =
+        run_machine(before, {.start_s = record.start_s, .side = record.side}, fit.starts[r], record.input);
+    for (const std::size_t t : record.valid) {
+      ++samples;
+      beyond += (block.law == MachineLaw::kUpperLimit ? signal[t] > level : signal[t] < level) ? 1 : 0;
+    }
+  }
+  return beyond >= 3 && static_cast<double>(beyond) >= kLeastShare * static_cast<double>(samples);
+}
+
+/// Full width at mid range of the major loop that the restoring force runs through, as an input [scaled units]: the
+/// law's own equation along the output's range up and down.
+double loop_width(const MachineBlock& block, double output_range) {
+  constexpr int kPoints = 400;
+  const double beta = block.parameters[0], delta = block.parameters[1];
+  const double step = output_range / kPoints;
+  double h = 0, up = 0, down = 0;
+  for (int i = 0; i < 4 * kPoints; ++i) {
+    const int phase = i % (2 * kPoints);
+    const double dy = phase < kPoints ? step : -step;
+    h = (h + dy) / std::max(1 + beta * step + delta * dy * (h + dy < 0 ? -1.0 : 1.0), 1e-3);
+    if (phase == kPoints / 2) up = h;
+    if (phase == kPoints + kPoints / 2) down = h;
+  }
+  const double gain = gain_at_rest(block.sections, block.numerator);
+  return std::abs((up - down) * gain_at_rest(block.sections, block.feedback) / gain);
+}
+
 void add_levels(Writer& writer, const MachineData& data, const MachineFit& fit, const std::string& unit) {
   for (std::size_t b = 0; b < fit.machine.blocks.size(); ++b) {
     const MachineBlock& block = fit.machine.blocks[b];
@@ -93,6 +121,7 @@ void add_levels(Writer& writer, const MachineData& data, const MachineFit& fit, 
                        writer.error_of(b, 8) * data.output_scale, unit);
     }
     if (block.law != MachineLaw::kUpperLimit && block.law != MachineLaw::kLowerLimit) continue;
+    if (!is_reached(data, fit, b)) continue;
     const auto [factor, offset] = to_reading(fit, b + 1);
     const bool upper = (block.law == MachineLaw::kUpperLimit) == (factor > 0);
     writer.add(upper ? "level_psi" : "lower_level_psi", b, 0, factor * data.output_scale,
@@ -122,10 +151,12 @@ void add_loop(Writer& writer, const MachineData& data, const MachineFit& fit, co
   if (find_block(fit, MachineLaw::kLoop, &b)) {
     writer.add("width_A", b, 0, data.input_scale, 0, unit);
   } else if (const MachineBlock* loop = find_block(fit, MachineLaw::kRestoringLoop, &b)) {
-    // h comes to rest at 1 / (beta + delta) on a long way up; both ends of that, as an input.
-    const double most = 1 / std::max(loop->parameters[0] + loop->parameters[1], 1e-9);
-    const double gain = gain_at_rest(loop->sections, loop->numerator);
-    const double width = 2 * most * std::abs(gain_at_rest(loop->sections, loop->feedback) / gain) * data.input_scale;
+    double range = 0;
+    for (const MachineRecord& record : data.records) {
+      const auto [low, high] = std::minmax_element(record.output.begin(), record.output.end());
+      range = std::max(range, *high - *low);
+    }
+    const double width = loop_width(*loop, range) * data.input_scale;
     writer.add_value("width_A", width, width * writer.error_of(b, 0) / std::max(loop->parameters[0], 1e-9), unit);
   }
 }
@@ -209,6 +240,7 @@ std::vector<std::pair<std::string, ParameterEstimate>> cause_parameters(const st
 
 bool has_effect(const MachineScore& score, const MachineData& data, const MachineGround& ground) {
   const double input = ground.input_range();
+  bool limits = false, active = false;
   for (std::size_t b = 0; b < score.fit.machine.blocks.size(); ++b) {
     const MachineBlock& block = score.fit.machine.blocks[b];
     const auto& p = block.parameters;
@@ -220,6 +252,11 @@ bool has_effect(const MachineScore& score, const MachineData& data, const Machin
         break;
       case MachineLaw::kDeadBand:
         if (p[1] < kNothing * input) return false;
+        break;
+      case MachineLaw::kUpperLimit:
+      case MachineLaw::kLowerLimit:
+        limits = true;
+        active = active || is_reached(data, score.fit, b);
         break;
       case MachineLaw::kCurve:
         if (std::abs(p[0]) < 0.02) return false;
@@ -234,8 +271,15 @@ bool has_effect(const MachineScore& score, const MachineData& data, const Machin
       case MachineLaw::kSpring:
         if (-gain_at_rest(block.sections, block.feedback) < 1e-4) return false;
         break;
+      case MachineLaw::kRestoringLoop:
+        if (loop_width(block, ground.output_range()) < kNothing * input) return false;
+        break;
       case MachineLaw::kMotion:
         if (p[5] < kNothing * std::abs(p[0] + p[1]) * input) return false;
+        break;
+      case MachineLaw::kWarming:
+      case MachineLaw::kGainStep:
+        if (std::abs(p[0]) < 0.02) return false;
         break;
       case MachineLaw::kTone:
         if (std::hypot(p[0], p[1]) * std::sqrt(0.5) < 0.1 * score.fit.rms()) return false;
@@ -244,8 +288,7 @@ bool has_effect(const MachineScore& score, const MachineData& data, const Machin
         break;
     }
   }
-  (void)data;
-  return true;
+  return active || !limits;
 }
 
 Machine in_own_units(const MachineData& data, const MachineFit& fit) {

@@ -1,8 +1,10 @@
 #include "core/discrepancy/machine_search.h"
 
+#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <optional>
 
 #include "core/identify/order.h"
 #include "core/model/section_cascade.h"
@@ -26,14 +28,12 @@ constexpr double kPairBaseGain = 1.08;    // a single that gains less is no base
 constexpr double kPairScreenGain = 0.97;  // a pair that fits no better than its base is not held out
 constexpr double kRounding = 1e-9;        // of the output's deviation: what an exact model leaves
 
-/// The linear machine with given poles; numerator and offset are linear and found at once.
-LinearMachine linear_machine(int order, std::span<const std::complex<double>> poles, int dead_samples, double gain,
-                             const MachineData& data) {
+/// The linear machine of given sections; numerator and offset are linear and found at once.
+LinearMachine linear_machine(std::vector<Section> sections, int dead_samples, double gain, const MachineData& data) {
+  const int order = order_of(sections);
   LinearMachine machine{.order = order, .fit = {}};
   MachineBlock block;
-  std::size_t longest = 2;
-  for (const MachineRecord& record : data.records) longest = std::max(longest, record.input.size());
-  if (order > 0) block.sections = sections_from_poles(poles, SectionLimits(longest));
+  block.sections = std::move(sections);
   block.numerator.assign(static_cast<std::size_t>(order) + 1, 0.0);
   block.numerator[0] = gain;
   block.delay_samples = dead_samples;
@@ -46,9 +46,19 @@ LinearMachine linear_machine(int order, std::span<const std::complex<double>> po
   return machine;
 }
 
+LinearMachine linear_machine(int order, std::span<const std::complex<double>> poles, int dead_samples, double gain,
+                             const MachineData& data) {
+  std::size_t longest = 2;
+  for (const MachineRecord& record : data.records) longest = std::max(longest, record.input.size());
+  std::vector<Section> sections;
+  if (order > 0) sections = sections_from_poles(poles, SectionLimits(longest));
+  return linear_machine(std::move(sections), dead_samples, gain, data);
+}
+
 /// Runs the fit's folds: refitted without the judged rows, judged on them.
 void hold_out(const MachineData& data, MachineScore& score, MachineBudget& budget) {
   score.log_rms.clear();
+  score.gaps.clear();
   for (const MachineFold& fold : data.folds) {
     MachineFit fit = score.fit;
     refine_machine(data, fold.fit, kFoldIterations, fit, budget);
@@ -63,8 +73,13 @@ void hold_out(const MachineData& data, MachineScore& score, MachineBudget& budge
     for (const auto& group : fold.judged) {
       auto& run = runs[group.record];
       if (run.empty()) run = run_record(data, group.record, fit);
+      std::vector<double> gaps;
       double squares = 0;
-      for (const std::size_t t : group.rows) squares += std::pow(data.records[group.record].output[t] - run[t], 2);
+      for (const std::size_t t : group.rows) {
+        gaps.push_back(data.records[group.record].output[t] - run[t]);
+        squares += gaps.back() * gaps.back();
+      }
+      score.gaps.push_back(std::move(gaps));
       const double mean = squares / static_cast<double>(group.rows.size());
       score.log_rms.push_back(std::isfinite(mean) ? 0.5 * std::log(mean + kRounding * kRounding) : 20);
     }
@@ -117,10 +132,6 @@ void judge_finalists(const MachineData& data, std::vector<MachineScore>& scores,
   sort_by_score(scores);
 }
 
-double log_factorial(std::size_t n) {
-  return std::lgamma(static_cast<double>(n) + 1);
-}
-
 bool same_family(const MachineScore& base, const std::string& cause) {
   return std::any_of(base.causes.begin(), base.causes.end(),
                      [&](const std::string& known) { return family_of(known) == family_of(cause); });
@@ -153,6 +164,126 @@ std::vector<MachineScore> pairs(const MachineData& data, const MachineGround& gr
   return found;
 }
 
+/// Numerator of a linear machine by least squares on its first record, given its poles; what the unknown start leaves
+/// behind decays with the same poles and takes no part in it.
+bool solve_numerator(const MachineData& data, LinearMachine& machine) {
+  MachineBlock& block = machine.fit.machine.blocks[0];
+  const MachineRecord& record = data.records.front();
+  const Eigen::MatrixXd basis = linear_basis(block, {}, record.input);
+  const auto poles = poles_of(block.sections);
+  const auto terms = basis.cols(), decays = static_cast<Eigen::Index>(poles.size());
+  const std::size_t step = std::max<std::size_t>(1, record.valid.size() / kOrderRows);
+  const auto rows = static_cast<Eigen::Index>((record.valid.size() + step - 1) / step);
+  Eigen::MatrixXd columns(rows, terms + decays + 1);
+  Eigen::VectorXd right(rows);
+  for (Eigen::Index i = 0; i < rows; ++i) {
+    const std::size_t t = record.valid[static_cast<std::size_t>(i) * step];
+    columns.row(i).head(terms) = basis.row(static_cast<Eigen::Index>(t));
+    for (Eigen::Index k = 0; k < decays; ++k) {
+      const auto decay = std::pow(poles[static_cast<std::size_t>(k)], static_cast<double>(t));
+      columns(i, terms + k) = decay.imag() >= 0 ? decay.real() : decay.imag();
+    }
+    columns(i, terms + decays) = 1;
+    right[i] = record.output[t];
+  }
+  const Eigen::VectorXd scale = columns.colwise().norm().cwiseMax(1e-300).cwiseInverse();
+  const Eigen::VectorXd solved =
+      scale.cwiseProduct((columns * scale.asDiagonal()).completeOrthogonalDecomposition().solve(right));
+  if (!solved.allFinite()) return false;
+  block.numerator.assign(solved.begin(), solved.begin() + terms);
+  return true;
+}
+
+/// Starts of an integrating motion, each with one more lag where the order is 2; the better fit stays.
+void try_integrating(const MachineData& data, MachineGround& ground, LinearMachine& machine, MachineBudget& budget) {
+  if (machine.order > 2) return;
+  std::vector<double> rates{0.5, 0.1, 0.03};  // of the second lag, per sample
+  for (const double lag_samples : {1.0, 4.0}) {
+    const auto equation = motion_equation(data, {.stiffness = false}, lag_samples);
+    if (equation && equation->damping > 0) rates.push_back(-std::expm1(-equation->damping * data.period_s));
+  }
+  for (const double rate : rates) {
+    // Two sections of order 1: a product of rates would hide the small one behind the other.
+    std::vector<Section> sections{{.order = 1, .f = data.period_s / (10 * ground.longest_s)}};
+    if (machine.order == 2) sections.push_back({.order = 1, .f = rate});
+    LinearMachine start = linear_machine(std::move(sections), ground.dead_samples, 1, data);
+    if (!solve_numerator(data, start)) continue;
+    refine_machine(data, data.all_rows(), kMiddleIterations, start.fit, budget);
+    if (!start.fit.failed && start.fit.rms() < machine.fit.rms()) machine.fit = std::move(start.fit);
+    if (machine.order == 1) break;
+  }
+}
+
+/// The linear blocks of a fit, its laws left out.
+Machine linear_blocks(const MachineFit& fit) {
+  Machine core{.sample_period_s = fit.machine.sample_period_s};
+  for (const MachineBlock& block : fit.machine.blocks) {
+    if (block.law == MachineLaw::kMotion) {
+      const double damping = block.parameters[4], stiffness = block.parameters[7] != 0 ? 0 : block.parameters[3];
+      const double period = core.sample_period_s;
+      const std::complex<double> root = std::sqrt(std::complex<double>(damping * damping / 4 - stiffness));
+      std::vector<std::complex<double>> poles{std::exp(-period * (damping / 2 + root))};
+      if (block.parameters[7] == 0) poles.push_back(std::exp(-period * (damping / 2 - root)));
+      MachineBlock motion{.sections = sections_from_poles(poles, SectionLimits(1'000'000))};
+      motion.numerator = {(block.parameters[0] + block.parameters[1]) / std::max(stiffness, 1e-3)};
+      motion.delay_samples = block.delay_samples;
+      core.blocks.push_back(std::move(motion));
+    } else if (!block.numerator.empty()) {
+      core.blocks.push_back({.sections = block.sections, .numerator = block.numerator});
+      core.blocks.back().delay_samples = block.delay_samples;
+    }
+  }
+  return core;
+}
+
+/// The fit's linear core as one linear machine: its poles together, the numerator that gives the same run. Empty where
+/// it has no dynamics or more than a linear machine may have.
+std::optional<LinearMachine> linear_core(const MachineFit& fit, const MachineData& data) {
+  const Machine core = linear_blocks(fit);
+  std::vector<Section> sections;
+  int delay = 0;
+  for (const MachineBlock& block : core.blocks) {
+    sections.insert(sections.end(), block.sections.begin(), block.sections.end());
+    delay += block.delay_samples;
+  }
+  const int order = order_of(sections);
+  if (order < 1 || order > kLargestOrder) return {};
+  LinearMachine machine = linear_machine(std::move(sections), delay, 1, data);
+  MachineBlock& block = machine.fit.machine.blocks[0];
+  const std::vector<double>& input = data.records.front().input;
+  const auto run = run_machine(core, {}, {}, input);
+  const Eigen::MatrixXd basis = linear_basis(block, {}, input);
+  const Eigen::VectorXd weights =
+      basis.colPivHouseholderQr().solve(Eigen::Map<const Eigen::VectorXd>(run.data(), basis.rows()));
+  if (!weights.allFinite()) return {};
+  block.numerator.assign(weights.begin(), weights.end());
+  return machine;
+}
+
+/// A law must beat the best linear machine there is: the linear cores of the best explanations are machines that the
+/// linear search may have missed.
+void revise_linear(const MachineData& data, MachineSearch& search, MachineBudget& budget) {
+  constexpr std::size_t kCores = 3;
+  std::size_t tried = 0;
+  for (const MachineScore& score : search.scores) {
+    if (!score.held_out || tried == kCores || score.mean > search.linear.mean) break;
+    auto core = linear_core(score.fit, data);
+    if (!core) continue;
+    ++tried;
+    refine_machine(data, data.all_rows(), 2 * kFinalIterations, core->fit, budget);
+    if (core->fit.failed || core->fit.rms() > search.linear.fit.rms() * 1.02) continue;
+    MachineScore linear{.fit = core->fit};
+    hold_out(data, linear, budget);
+    if (!(linear.mean < search.linear.mean - 0.005)) continue;
+    search.linear = std::move(linear);
+    search.ground.chosen_order = core->order;
+    std::erase_if(search.ground.linear, [&](const LinearMachine& known) { return known.order == core->order; });
+    const auto at = std::find_if(search.ground.linear.begin(), search.ground.linear.end(),
+                                 [&](const LinearMachine& known) { return known.order > core->order; });
+    search.ground.linear.insert(at, std::move(*core));
+  }
+}
+
 }  // namespace
 
 double MachineScore::rms() const {
@@ -166,20 +297,6 @@ std::string MachineScore::name() const {
   std::string name = sorted.front();
   for (std::size_t i = 1; i < sorted.size(); ++i) name += "+" + sorted[i];
   return name;
-}
-
-double sign_test(const std::vector<double>& better, const std::vector<double>& worse) {
-  const std::size_t n = std::min(better.size(), worse.size());
-  if (n == 0) return 1;
-  std::size_t wins = 0;
-  for (std::size_t i = 0; i < n; ++i) wins += better[i] < worse[i] ? 1 : 0;
-  // P(at least so many heads of n), one by one.
-  double tail = 0;
-  for (std::size_t k = wins; k <= n; ++k) {
-    tail +=
-        std::exp(log_factorial(n) - log_factorial(k) - log_factorial(n - k) - static_cast<double>(n) * std::log(2.0));
-  }
-  return std::min(1.0, 2 * tail);
 }
 
 MachineScore search_linear(const MachineData& data, MachineGround& ground, MachineBudget& budget) {
@@ -210,6 +327,7 @@ MachineScore search_linear(const MachineData& data, MachineGround& ground, Machi
   MachineScore best;
   for (LinearMachine& machine : ground.linear) {
     refine_machine(data, data.all_rows(), kMiddleIterations, machine.fit, budget);
+    if (choice) try_integrating(data, ground, machine, budget);
     MachineScore score{.fit = machine.fit};
     hold_out(data, score, budget);
     if (best.held_out && score.mean > best.mean - 0.005) continue;
@@ -222,22 +340,24 @@ MachineScore search_linear(const MachineData& data, MachineGround& ground, Machi
 MachineSearch search_machines(const MachineData& data, MachineGround ground, MachineBudget& budget) {
   MachineSearch search;
   search.linear = search_linear(data, ground, budget);
+  ground.tones_hz = residual_tones(data, search.linear.fit);
   for (const MachineTrial& trial : single_trials(data, ground)) {
     if (budget.spent()) break;
     MachineScore score = screen(data, trial, budget);
     if (!score.fit.failed) search.scores.push_back(std::move(score));
   }
   judge_finalists(data, search.scores, budget);
-  auto found = pairs(data, ground, search.linear, search.scores, budget);
+  search.ground = std::move(ground);
+  revise_linear(data, search, budget);
+  auto found = pairs(data, search.ground, search.linear, search.scores, budget);
   search.scores.insert(search.scores.end(), std::make_move_iterator(found.begin()),
                        std::make_move_iterator(found.end()));
   sort_by_score(search.scores);
-  search.black_box_log_rms = black_box_log_rms(data, ground);
+  search.black_box_log_rms = black_box_log_rms(data, search.ground);
   search.black_box_rms =
       std::exp(std::accumulate(search.black_box_log_rms.begin(), search.black_box_log_rms.end(), 0.0) /
                static_cast<double>(std::max<std::size_t>(search.black_box_log_rms.size(), 1)));
   search.budget_spent = budget.spent();
-  search.ground = std::move(ground);
   return search;
 }
 

@@ -11,10 +11,11 @@ namespace valvetriage {
 struct MachineScore {
   std::vector<std::string> causes;  ///< empty: the linear machine alone
   std::string place;
-  MachineFit fit;               ///< on all rows of the search
-  std::vector<double> log_rms;  ///< per held-out group, scaled units
-  double mean = 0;              ///< of log_rms: the geometric mean decides
-  bool held_out = false;        ///< false: its fit did not earn the effort
+  MachineFit fit;                         ///< on all rows of the search
+  std::vector<double> log_rms;            ///< per held-out group, scaled units
+  std::vector<std::vector<double>> gaps;  ///< per held-out group: measured less simulated
+  double mean = 0;                        ///< of log_rms: the geometric mean decides
+  bool held_out = false;                  ///< false: its fit did not earn the effort
 
   double rms() const;
   std::string name() const;  ///< "friction", "orifice_flow+saturation", "none"
@@ -33,8 +34,25 @@ struct MachineSearch {
 /// (two-sided sign test).
 double sign_test(const std::vector<double>& better, const std::vector<double>& worse);
 
-/// Fits the linear machines of order 1 to 6 and picks one by its held-out error.
+/// Two explanations compared on what was held out, group by group, as Vuong does: not nested in one another, the
+/// differences of their log errors are all that counts.
+struct BlockComparison {
+  double log_gain = 0;  ///< mean over the groups of log(error of `worse` / error of `better`)
+  double p_value = 1;   ///< sign test or Student's t over the groups, the smaller of them doubled
+};
+BlockComparison compare_blocks(const std::vector<double>& better, const std::vector<double>& worse);
+
+/// The same after both residuals went through the filter that whitens `better`'s: slow wander that nobody explains
+/// counts once, not once per sample. A law of the machine shows in both comparisons, luck with slow noise in one.
+BlockComparison compare_whitened(const MachineScore& better, const MachineScore& worse);
+
+/// Fits the linear machines of order 1 to 6 and picks one by its held-out error. Orders 1 and 2 are also started from
+/// integrating motions, which an identifier in feedback or in noise tends to miss.
 MachineScore search_linear(const MachineData& data, MachineGround& ground, MachineBudget& budget);
+
+/// Frequencies [Hz] of the most prominent lines of what a fit leaves, where the input has none: at least three periods
+/// in the longest record, power over the neighbours' median more than noise reaches. Cost O(n²).
+std::vector<double> residual_tones(const MachineData& data, const MachineFit& fit);
 
 /// Everything: linear machines, single causes, pairs, black box. Explanations are screened by their fit to all rows
 /// from every start; the best are refined and judged on held-out groups.

@@ -297,7 +297,7 @@ std::vector<MachineTrial> single_trials(const MachineData& data, const MachineGr
   }
   add({slower});
   add(sandwich_trials(g));
-  add(motion_trials(g));
+  add(motion_trials(data, g));
   add(tank_trials(data, g));
   return trials;
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -62,9 +63,25 @@ MachineFit with_law(const MachineFit& fit, const SignalLaw& law, const SignalLaw
 /// blocks, laws inside a motion, tanks.
 std::vector<MachineTrial> single_trials(const MachineData& data, const MachineGround& ground);
 
+/// ÿ = gain u + bias − damping ẏ − stiffness y − coulomb sign(ẏ) − cubic y³, or the same of the speed alone, in scaled
+/// units and seconds.
+struct MotionEquation {
+  double gain = 0, damping = 0, bias = 0, stiffness = 0, coulomb = 0, cubic = 0;
+};
+struct MotionTerms {
+  bool stiffness = true, coulomb = false, cubic = false;
+  bool shows_speed = false;
+};
+
+/// The equation of a motion by least squares on smoothed derivatives: biased by noise, but where a free-run fit should
+/// begin, whatever an identifier of linear machines made of it. The smoothing is a lag of so many samples, forwards and
+/// backwards twice, the same for every term (the filter does not change a linear equation). Empty where the records
+/// are too short for it.
+std::optional<MotionEquation> motion_equation(const MachineData& data, const MotionTerms& terms, double lag_samples);
+
 /// Parts of single_trials.
 std::vector<MachineTrial> sandwich_trials(const MachineGround& ground);
-std::vector<MachineTrial> motion_trials(const MachineGround& ground);
+std::vector<MachineTrial> motion_trials(const MachineData& data, const MachineGround& ground);
 std::vector<MachineTrial> tank_trials(const MachineData& data, const MachineGround& ground);
 MachineTrial magnitude_trial(const MachineData& data, const MachineGround& ground);
 

@@ -17,14 +17,7 @@ FreeParameter parameter(std::size_t block, std::size_t index, double lower, doub
 }
 
 double gain_at_rest(const MachineBlock& block) {
-  double sum = 0;
-  std::size_t i = 0;
-  for (std::size_t s = block.sections.size(); s-- > 0 && i < block.numerator.size();) {
-    sum += block.numerator[i++];
-    if (block.sections[s].order == 2) ++i;
-  }
-  if (i < block.numerator.size()) sum += block.numerator[i];
-  return sum;
+  return valvetriage::gain_at_rest(block.sections, block.numerator);
 }
 
 /// Ways to give some of the sections to the first block and the rest to the second; halves of a section of real poles
@@ -150,37 +143,90 @@ MachineFit restoring_loop(const LinearMachine& linear, double share, double beta
   return fit;
 }
 
-/// Friction inside a motion: a mass whose poles are those of the linear machine.
-MachineFit friction_in_motion(const MachineGround& g, const LinearMachine& linear, double share, bool shows_speed) {
+/// Friction inside a motion. Without a spring the motion integrates: its place is free, a constant force acts instead.
+MachineFit friction_in_motion(const MachineGround& g, const MotionEquation& equation, double offset, bool shows_speed) {
+  const double force = std::max(equation.coulomb, 1e-3 * std::abs(equation.gain) * g.input_range());
+  const double damping = std::max(equation.damping, 1e-3 / g.longest_s);
+  const double stiffness = shows_speed ? 0 : std::max(equation.stiffness, 0.0);
+  MachineFit fit;
+  fit.machine.sample_period_s = g.linear.front().fit.machine.sample_period_s;
+  MachineBlock motion = block_of(MachineLaw::kMotion, {equation.gain, 0, stiffness > 0 ? 0 : equation.bias, stiffness,
+                                                       damping, force, 1.2 * force, shows_speed ? 1.0 : 0.0});
+  motion.delay_samples = g.dead_samples;
+  fit.machine.blocks = {motion, block_of(MachineLaw::kAffine, {1, offset})};
+  fit.free = {parameter(0, 0, -1e12, 1e12), parameter(0, 1, -1e12, 1e12), parameter(0, 4, 1e-9, 1e9, true),
+              parameter(0, 5, 1e-9 * std::max(force, 1e-9), 1e12, true),
+              parameter(0, 6, 1e-9 * std::max(force, 1e-9), 1e12, true)};
+  if (stiffness > 0) {
+    fit.free.push_back(parameter(0, 3, 1e-9, 1e12, true));
+    fit.free.push_back(parameter(1, 1, -1e3, 1e3));
+  } else {
+    fit.free.push_back(parameter(0, 2, -1e12, 1e12));
+  }
+  return fit;
+}
+
+/// A mass whose poles are those of a linear machine, with some friction.
+MachineFit friction_beside(const MachineGround& g, const LinearMachine& linear, double share, bool shows_speed) {
   const MachineBlock& block = linear.fit.machine.blocks[0];
   const double period = linear.fit.machine.sample_period_s;
-  const auto poles = poles_of(block.sections);
   std::complex<double> sum = 0, product = 1;
-  for (const auto& pole : poles) {
+  for (const auto& pole : poles_of(block.sections)) {
     const std::complex<double> rate = std::log(pole) / period;
     sum -= rate;
     product *= -rate;
   }
-  const double damping = std::max(sum.real(), 1e-3 / g.longest_s);
-  const double stiffness = shows_speed ? 0 : std::max(product.real(), 0.0);
-  const double gain = gain_at_rest(block) * (shows_speed ? damping : stiffness);
-  const double force = share * std::abs(gain) * g.input_range();
-  MachineFit fit;
-  fit.machine.sample_period_s = period;
-  MachineBlock motion =
-      block_of(MachineLaw::kMotion, {gain, 0, 0, stiffness, damping, force, 1.2 * force, shows_speed ? 1.0 : 0.0});
-  motion.delay_samples = g.dead_samples;
-  fit.machine.blocks = {motion, block_of(MachineLaw::kAffine, {1, linear.fit.machine.blocks[1].parameters[1]})};
-  fit.free = {parameter(0, 0, -1e12, 1e12), parameter(0, 1, -1e12, 1e12), parameter(0, 4, 1e-9, 1e9, true),
-              parameter(0, 5, 1e-9 * std::max(force, 1e-9), 1e12, true),
-              parameter(0, 6, 1e-9 * std::max(force, 1e-9), 1e12, true)};
-  if (shows_speed) {
-    fit.free.push_back(parameter(0, 2, -1e12, 1e12));
-  } else {
-    fit.free.push_back(parameter(0, 3, 1e-9, 1e12, true));
-    fit.free.push_back(parameter(1, 1, -1e3, 1e3));
+  MotionEquation equation{.damping = sum.real(), .stiffness = product.real()};
+  equation.gain = gain_at_rest(block) * (shows_speed ? equation.damping : equation.stiffness);
+  equation.coulomb = share * std::abs(equation.gain) * g.input_range();
+  return friction_in_motion(g, equation, linear.fit.machine.blocks[1].parameters[1], shows_speed);
+}
+
+/// Motions with friction by their equation of motion: at rest anywhere (no spring) or drawn to one place.
+std::vector<MachineFit> frictions_by_equation(const MachineData& data, const MachineGround& g) {
+  std::vector<MachineFit> starts;
+  for (const double lag_samples : {1.0, 3.0, 8.0}) {
+    for (const bool spring : {true, false}) {
+      for (const bool shows_speed : {false, true}) {
+        if (spring && shows_speed) continue;
+        const auto equation =
+            motion_equation(data, {.stiffness = spring, .coulomb = true, .shows_speed = shows_speed}, lag_samples);
+        if (!equation || (spring && equation->stiffness <= 0)) continue;
+        const double offset = spring ? equation->bias / equation->stiffness : 0;
+        starts.push_back(friction_in_motion(g, *equation, offset, shows_speed));
+      }
+    }
   }
-  return fit;
+  return starts;
+}
+
+/// A hardening spring by its equation of motion: the poles are those of small movements.
+std::vector<MachineFit> springs_by_equation(const MachineData& data, const MachineGround& g) {
+  std::vector<MachineFit> starts;
+  const double period = data.period_s;
+  for (const double lag_samples : {0.5, 1.0, 3.0}) {
+    const auto equation = motion_equation(data, {.stiffness = true, .cubic = true}, lag_samples);
+    if (!equation || equation->stiffness <= 0) continue;
+    const double damping = std::max(equation->damping, 1e-3 / g.longest_s);
+    const std::complex<double> root = std::sqrt(std::complex<double>(damping * damping / 4 - equation->stiffness));
+    const std::vector<std::complex<double>> poles{std::exp(-period * (damping / 2 + root)),
+                                                  std::exp(-period * (damping / 2 - root))};
+    MachineBlock block;
+    block.law = MachineLaw::kSpring;
+    block.sections = sections_from_poles(poles, SectionLimits(1'000'000'000));
+    block.delay_samples = g.dead_samples;
+    block.numerator = {equation->gain / equation->stiffness, 0, 0};
+    block.feedback = {-equation->cubic / equation->stiffness, 0};
+    const double offset = equation->bias / equation->stiffness;
+    block.parameters = {-offset};
+    MachineFit fit;
+    fit.machine.sample_period_s = period;
+    fit.machine.blocks = {block, block_of(MachineLaw::kAffine, {1, offset})};
+    fit.free = free_dynamics(block, 0);
+    fit.free.push_back(parameter(1, 1, -1e3, 1e3));
+    starts.push_back(std::move(fit));
+  }
+  return starts;
 }
 
 }  // namespace
@@ -202,7 +248,7 @@ std::vector<MachineTrial> sandwich_trials(const MachineGround& g) {
   return trials;
 }
 
-std::vector<MachineTrial> motion_trials(const MachineGround& g) {
+std::vector<MachineTrial> motion_trials(const MachineData& data, const MachineGround& g) {
   MachineTrial stiffening{{"stiffening_spring"}, "in the restoring force", {}};
   MachineTrial loop{{"hysteresis"}, "in the restoring force", {}};
   MachineTrial friction{{"friction"}, "inside the motion", {}};
@@ -216,9 +262,11 @@ std::vector<MachineTrial> motion_trials(const MachineGround& g) {
     }
     if (linear.order > 2) continue;
     for (const double share : {0.01, 0.05, 0.2}) {
-      friction.starts.push_back(friction_in_motion(g, linear, share, linear.order == 1));
+      friction.starts.push_back(friction_beside(g, linear, share, linear.order == 1));
     }
   }
+  for (MachineFit& fit : springs_by_equation(data, g)) stiffening.starts.push_back(std::move(fit));
+  for (MachineFit& fit : frictions_by_equation(data, g)) friction.starts.push_back(std::move(fit));
   return {stiffening, loop, friction};
 }
 
@@ -256,13 +304,15 @@ std::vector<MachineTrial> tank_trials(const MachineData& data, const MachineGrou
           parameter(0, 8, g.output_high - 0.3 * g.output_range(), g.output_high + 0.1 * g.output_range()));
       spilling.starts.push_back(fit);
       if (tanks < 2) continue;
-      for (const double rim : {0.7, 1.0}) {
-        rims[6] = rim * deepest;
-        rims[7] = 0.5;
-        MachineFit both = fit;
-        both.free.push_back(parameter(0, 6, 0.05 * deepest, 50 * deepest, true));
-        both.free.push_back(parameter(0, 7, 0, 1));
-        spilling.starts.push_back(both);
+      for (const double rim : {0.6, 1.0, 1.6}) {
+        for (const double share : {0.3, 0.85}) {
+          rims[6] = rim * deepest;
+          rims[7] = share;
+          MachineFit both = fit;
+          both.free.push_back(parameter(0, 6, 0.05 * deepest, 50 * deepest, true));
+          both.free.push_back(parameter(0, 7, 0, 1));
+          spilling.starts.push_back(both);
+        }
       }
     }
   }

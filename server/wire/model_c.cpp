@@ -153,6 +153,7 @@ PlaceText place_text(const Model& model, Place place) {
 }
 
 Result<void> check(const Model& model) {
+  if (model.machine) return fail("machine", "a machine, a chain of blocks of its own, cannot be exported as C");
   std::size_t channels = 0;
   for (const MechanismUse& use : model.mechanisms) {
     if (use.cause == "side_input") ++channels;

@@ -20,7 +20,7 @@ namespace valvetriage {
 ///
 /// sample_period_s  > 0; the dynamics are sampled for it, delay to the fraction of a sample
 /// Errors  as `simulate_extended`; `unstable`; `needs_range` for a law on a linear model that is told in shares of the
-///         output's range; `too_many` for a second side channel
+///         output's range; `too_many` for a second side channel; `machine` for a chain of blocks
 Result<std::string> to_c(const Model& model, double sample_period_s);
 
 }  // namespace valvetriage

@@ -74,6 +74,30 @@ class RealData(unittest.TestCase):
         # it leaves sqrt(1 - 3/4), half the norm.
         self.assertGreater(self.fit_percent(PRESSURE_GAIN, "--method", "oe", "--order", "1"), 45)
 
+    def test_the_servovalves_pressure_saturates_at_3000_psi_and_its_loop_could_be_several_things(self):
+        discrepancy = self.analysis(PRESSURE_GAIN)["discrepancy"]
+        self.assertEqual(discrepancy["conclusion"], "ambiguous")
+        causes = {cause["cause"]: cause for cause in discrepancy["causes"]}
+        levels = causes["saturation"]["parameters"]
+        self.assertEqual(causes["saturation"]["alternatives"], [])
+        self.assertAlmostEqual(levels["level_psi"]["value"], 3000, delta=60)
+        self.assertAlmostEqual(levels["lower_level_psi"]["value"], -3000, delta=60)
+        [loop] = [cause for cause in causes.values() if cause["family"] == "memory"]
+        # One sweep at one rate: a loop, lost motion, sticking and a lag look alike.
+        self.assertEqual({loop["cause"], *loop["alternatives"]}, {"hysteresis", "backlash", "friction", "extra_lag"})
+        self.assertAlmostEqual(loop["parameters"]["width_A"]["value"], 0.89e-3, delta=0.089e-3)
+        self.assertIn("rate", discrepancy["next_test"]["why"])
+
+    def test_the_tanks_are_given_no_name_that_is_not_theirs(self):
+        # Square-root outflow and overflow are what is there; what the search has of them does not reach its margins yet.
+        discrepancy = self.analysis("cascaded_tanks/estimation.csv")["discrepancy"]
+        self.assertLessEqual({cause["cause"] for cause in discrepancy["causes"]}, {"orifice_flow", "saturation"})
+
+    def test_a_nearly_linear_arm_is_given_no_name(self):
+        analysis = self.analysis("robot_arm/robot_arm.csv")
+        self.assertGreater(analysis["simulation"]["fit_percent"], 96)
+        self.assertNotIn(analysis["discrepancy"]["conclusion"], ("named", "ambiguous"))
+
 
 if __name__ == "__main__":
     unittest.main(argv=sys.argv[:1], verbosity=2)
