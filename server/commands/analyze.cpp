@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <memory>
 
+#include "server/commands/analysis_arguments.h"
 #include "server/commands/commands.h"
 #include "server/commands/documents.h"
 #include "server/commands/recording_options.h"
-#include "server/commands/rule_base.h"
 #include "server/jobs/analyze_session.h"
 #include "server/wire/discrepancy_json.h"
 
@@ -15,9 +15,7 @@ namespace {
 
 struct AnalyzeArguments {
   std::vector<std::string> files;
-  std::string reference;
-  std::string baseline;
-  std::string rule_base;
+  AnalysisArguments compared;
   bool json = false;
   RecordingOptions recording;
 };
@@ -131,24 +129,8 @@ std::string page_of(const Analysis& analysis) {
   return page;
 }
 
-Result<AnalysisOptions> analysis_options(const AnalyzeArguments& arguments) {
-  AnalysisOptions options;
-  options.baseline = baseline_kind_from(arguments.baseline);
-  if (!arguments.reference.empty()) {
-    auto reference = open_reference(arguments.reference);
-    if (!reference) return tl::unexpected(reference.error());
-    options.reference = std::move(*reference);
-  }
-  if (!arguments.rule_base.empty()) {
-    auto rule_base = open_rule_base(arguments.rule_base);
-    if (!rule_base) return tl::unexpected(rule_base.error());
-    options.rule_base = std::move(*rule_base);
-  }
-  return options;
-}
-
 ExitStatus run(const AnalyzeArguments& arguments) {
-  const auto options = analysis_options(arguments);
+  const auto options = analysis_options(arguments.compared);
   if (!options) return ended_by(options.error());
   const auto reading = read_options(arguments.recording);
   if (!reading) return ended_by(reading.error());
@@ -169,12 +151,7 @@ void add_analyze_command(CLI::App& app, int& exit_status) {
   auto arguments = std::make_shared<AnalyzeArguments>();
   verb->add_option("FILE", arguments->files, "Recordings of one valve: CSV, JSON or MAT, also .gz and .zst")
       ->required();
-  verb->add_option("--reference", arguments->reference, "Good valves of this type, from `reference learn`");
-  verb->add_option("--baseline", arguments->baseline,
-                   "Compare with the valve's own fit (self) or the paper's linear model (paper) instead")
-      ->check(CLI::IsMember({"self", "paper"}));
-  verb->add_option("--rule-base", arguments->rule_base,
-                   "What turns errors into a verdict: a file from `rule-base learn`, or paper, or calibrated");
+  add_analysis_options(*verb, arguments->compared);
   verb->add_flag("--json", arguments->json, "Print the whole result as JSON (schemas/analysis.schema.json)");
   add_column_options(*verb, arguments->recording);
   add_metadata_options(*verb, arguments->recording);

@@ -25,6 +25,7 @@ enum ExitStatus : int { kDone = 0, kFailure = 1, kBadInput = 2, kVerdictNotGood 
   X(paper) \
   X(plan) \
   X(reference) \
+  X(report) \
   X(restore) \
   X(rule_base) \
   X(serve) \

@@ -19,6 +19,10 @@ namespace valvetriage::http {
   X(list_analyses) \
   X(get_summary) \
   X(list_causes) \
+  X(get_report) \
+  X(get_plot) \
+  X(get_lot_report) \
+  X(get_events) \
   X(get_stored_analysis) \
   X(list_submissions) \
   X(get_submission) \

@@ -33,11 +33,19 @@ inline constexpr std::chrono::seconds kAnswerGrace{10};
 /// Unread rest of a refused body that is still taken in so that the client gets to see the answer.
 inline constexpr std::size_t kLingerBytes = 64 * 1024 * 1024;
 inline constexpr std::chrono::seconds kLingerDeadline{5};
+/// Longest wait for an event: shorter than any proxy's patience.
+inline constexpr double kMaxEventWaitSeconds = 30;
+/// A waiting request looks this often: a person does not notice, the database does not either.
+inline constexpr std::chrono::milliseconds kEventInterval{150};
 inline constexpr int kListenBacklog = 1024;
 
 /// Points of a series: more than any screen has pixels.
 inline constexpr std::size_t kMaxSeriesPoints = 20000;
 inline constexpr std::size_t kDefaultSeriesPoints = 2000;
+/// Points of a curve on paper; a printed page resolves no more.
+inline constexpr std::size_t kReportPoints = 1000;
+/// Recordings a report draws: a session has six; a hundred would be a book.
+inline constexpr std::size_t kMaxReportPlots = 24;
 inline constexpr std::size_t kDefaultPageItems = 100;
 
 }  // namespace valvetriage::http

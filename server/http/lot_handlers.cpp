@@ -1,11 +1,15 @@
 #include <fmt/format.h>
 
+#include <cmath>
+
 #include "core/recording/text.h"
 #include "server/http/handlers.h"
 #include "server/http/limits.h"
 #include "server/http/lot_history.h"
 #include "server/http/receive.h"
+#include "server/http/report_response.h"
 #include "server/http/views.h"
+#include "server/report/lot_report.h"
 #include "server/wire/json_fields.h"
 
 namespace valvetriage::http {
@@ -62,6 +66,43 @@ Json level_view(const LevelHistory& level, const std::vector<SubmissionRow>& val
   return object;
 }
 
+Result<LotHistory> history_of(Store& store, const std::string& lot) {
+  Filter filter;
+  filter.lot = lot;
+  const auto submissions = all_submissions(store, filter, kMaxHistorySubmissions);
+  if (!submissions) return tl::unexpected(submissions.error());
+  return lot_history(*submissions);
+}
+
+Result<report::LotReportValve> reported_valve(Store& store, const SubmissionRow& row) {
+  const auto analysis = store.newest_analysis(row.id);
+  if (!analysis) return tl::unexpected(analysis.error());
+  report::LotReportValve valve{.serial = row.labels.serial.value_or(""),
+                               .received_at = format_rfc3339(row.received_at),
+                               .verdict = row.summary.verdict.value_or(""),
+                               .conclusion = row.summary.conclusion.value_or(""),
+                               .cause = row.summary.top_cause.value_or(""),
+                               .probability = row.summary.top_cause_probability.value_or(std::nan("")),
+                               .error_eq20 = {},
+                               .engine_version = analysis->engine_version,
+                               .settings_sha256 = analysis->settings_sha256,
+                               .result_sha256 = analysis->result_sha256};
+  for (const LevelError& error : row.summary.errors) valve.error_eq20[error.level_a] = error.error_eq20;
+  return valve;
+}
+
+report::LotReportLevel reported_level(const LevelHistory& level, const std::vector<SubmissionRow>& valves) {
+  report::LotReportLevel shown{.level_a = level.level_a, .points = {}, .limits = std::nullopt};
+  if (level.limits) shown.limits = {level.limits->centre, level.limits->lower, level.limits->upper};
+  for (std::size_t i = 0; i < level.errors.size(); ++i) {
+    const double error = level.errors[i];
+    const bool outside = level.limits && (error > level.limits->upper || error < level.limits->lower);
+    const std::string verdict = valves[level.valves[i]].summary.verdict.value_or("");
+    shown.points.push_back({.value = error, .verdict = verdict, .outside = outside});
+  }
+  return shown;
+}
+
 Result<NewFinding> finding_of(const Json& document, const Request& request) {
   std::optional<Error> error;
   JsonFields fields(document, "", error);
@@ -105,20 +146,36 @@ Result<Response> get_lot(Service& service, Request& request) {
 Result<Response> get_lot_history(Service& service, Request& request) {
   const auto lot = service.store.lot(request.captures[0]);
   if (!lot) return tl::unexpected(lot.error());
-  Filter filter;
-  filter.lot = lot->lot;
-  const auto submissions = all_submissions(service.store, filter, kMaxHistorySubmissions);
-  if (!submissions) return tl::unexpected(submissions.error());
-  const LotHistory history = lot_history(*submissions);
+  const auto history = history_of(service.store, lot->lot);
+  if (!history) return tl::unexpected(history.error());
   Json valves = Json::array(), levels = Json::array();
-  for (const SubmissionRow& valve : history.valves) valves.push_back(valve_point(valve));
-  for (const LevelHistory& level : history.levels) levels.push_back(level_view(level, history.valves));
+  for (const SubmissionRow& valve : history->valves) valves.push_back(valve_point(valve));
+  for (const LevelHistory& level : history->levels) levels.push_back(level_view(level, history->valves));
   const Json counted = view(*lot);
   return json_response(Json{{"lot", lot->lot},
                             {"verdicts", counted["verdicts"]},
                             {"causes", counted["causes"]},
                             {"valves", std::move(valves)},
                             {"levels", std::move(levels)}});
+}
+
+Result<Response> get_lot_report(Service& service, Request& request) {
+  const auto lot = service.store.lot(request.captures[0]);
+  if (!lot) return tl::unexpected(lot.error());
+  const auto history = history_of(service.store, lot->lot);
+  if (!history) return tl::unexpected(history.error());
+  report::LotReport report{.lot = lot->lot,
+                           .first_received_at = format_rfc3339(lot->first_received_at),
+                           .last_received_at = format_rfc3339(lot->last_received_at),
+                           .valves = {},
+                           .levels = {}};
+  for (const SubmissionRow& row : history->valves) {
+    auto valve = reported_valve(service.store, row);
+    if (!valve) return tl::unexpected(valve.error());
+    report.valves.push_back(std::move(*valve));
+  }
+  for (const LevelHistory& level : history->levels) report.levels.push_back(reported_level(level, history->valves));
+  return report_response(report::lot_report_html(report));
 }
 
 Result<Response> get_valve(Service& service, Request& request) {

@@ -7,13 +7,14 @@
 #include <limits>
 
 #include "core/mechanisms/simulate_extended.h"
-#include "server/http/downsample.h"
 #include "server/http/handlers.h"
 #include "server/http/limits.h"
 #include "server/http/receive.h"
 #include "server/http/stored_recording.h"
 #include "server/http/subject.h"
 #include "server/http/views.h"
+#include "server/report/curves.h"
+#include "server/report/downsample.h"
 #include "server/wire/json_fields.h"
 #include "server/wire/model_json.h"
 
@@ -99,49 +100,18 @@ Result<Model> stored_model(Service& service, const SubmissionRow& submission, bo
   return model_from_json(model);
 }
 
-std::vector<double> grid_times(const Recording& recording) {
-  std::vector<double> time_s(recording.samples());
-  for (std::size_t i = 0; i < time_s.size(); ++i) {
-    time_s[i] = recording.start_s + static_cast<double>(i) * recording.sample_period_s;
-  }
-  return time_s;
-}
-
-double squared_error(const Recording& recording, const std::vector<double>& simulated) {
-  double sum = 0;
-  for (std::size_t i = 0; i < simulated.size(); ++i) {
-    const double error = recording.output.values[i] - simulated[i];
-    if (recording.is_valid(i) && std::isfinite(error)) sum += error * error;
-  }
-  return sum;
-}
-
-/// As in the analysis, the initial state is estimated rather than assumed; the run itself sees the input alone. A
-/// recording that begins at rest hardly determines a fast state: where the steady state fits better, it is the
-/// estimate.
-Result<std::vector<double>> free_run(const Model& model, const Recording& recording) {
-  const InitialState estimated{.kind = InitialState::Kind::kMeasured, .samples = recording.samples()};
-  auto fitted = simulate_extended(model, recording, estimated);
-  auto steady = simulate_extended(model, recording, InitialState{});
-  if (!fitted || !steady) return fitted ? fitted : steady;
-  return squared_error(recording, *steady) < squared_error(recording, *fitted) ? steady : fitted;
-}
-
 /// The whole series on the recording's grid; samples inside gaps are NaN.
 Result<std::vector<double>> series_values(Service& service, const Request& request, const Recording& recording,
                                           Shown what) {
   if (what == Shown::kInput) return recording.input.values;
-  std::vector<double> values = recording.output.values;
-  for (std::size_t i = 0; i < values.size(); ++i) {
-    if (!recording.is_valid(i)) values[i] = std::nan("");
-  }
+  std::vector<double> values = report::measured_output(recording);
   if (what == Shown::kMeasured) return values;
   const auto submission = submission_asked_for(service, request);
   if (!submission) return tl::unexpected(submission.error());
   const bool extended = what == Shown::kExtended || what == Shown::kExtendedResidual;
   const auto model = stored_model(service, *submission, extended);
   if (!model) return tl::unexpected(model.error());
-  auto simulated = free_run(*model, recording);
+  auto simulated = report::free_run(*model, recording);
   if (!simulated || what == Shown::kSimulated || what == Shown::kExtended) return simulated;
   for (std::size_t i = 0; i < values.size(); ++i) values[i] -= (*simulated)[i];
   return values;
@@ -236,7 +206,8 @@ Result<Response> get_series(Service& service, Request& request) {
   if (!recording) return tl::unexpected(recording.error());
   const auto values = series_values(service, request, *recording, wanted->what);
   if (!values) return tl::unexpected(values.error());
-  const Points shown = downsample(grid_times(*recording), *values, wanted->from, wanted->to, wanted->points);
+  const report::Points shown =
+      report::downsample(report::grid_times(*recording), *values, wanted->from, wanted->to, wanted->points);
   const Channel& channel = wanted->what == Shown::kInput ? recording->input : recording->output;
   if (request.parameter("format") == "csv") {
     std::vector<Json> rows;

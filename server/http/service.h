@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <functional>
 #include <semaphore>
 
@@ -24,6 +25,8 @@ struct Service {
   std::function<void()> job_added = [] {};  ///< wakes the workers
   std::function<bool()> stopping = [] { return false; };
   Metrics metrics{};
+  std::atomic<int> event_waiters{0};  ///< requests that wait for an event now
+  int max_event_waiters = 1;          ///< a quarter of the requests at a time: see make_http_server
   std::counting_semaphore<kMaxComputations> computations{kMaxComputations};
 };
 

@@ -409,6 +409,8 @@ class Store {
   // --- events --------------------------------------------------------------------------------------------------------
   /// Changes after `cursor` (0: from the first), oldest first.
   virtual Result<std::vector<EventRow>> events_after(std::int64_t cursor, int limit) = 0;
+  /// Cursor of the newest change; 0 before the first.
+  virtual Result<std::int64_t> newest_event() = 0;
 
   // --- operations ----------------------------------------------------------------------------------------------------
   /// Proves that a write would be durable now.

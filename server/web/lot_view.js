@@ -4,6 +4,7 @@ import { individualsChart, verdictColumns } from "./chart.js";
 import { address, el, field, keepInAddress, options, section } from "./dom.js";
 import { causeCell, figure, spoken, time, verdictMark } from "./format.js";
 import { barRow } from "./gain_bar.js";
+import { reportLink } from "./report_link.js";
 import { table } from "./table.js";
 
 const count = (lot, verdict) => lot.verdicts[verdict] ?? 0;
@@ -145,7 +146,7 @@ export async function showLot({ argument, parameters, signal }) {
   const node = el("div", {},
     el("h1", {}, "Lot ", argument),
     el("p", {}, `${lot.valves} valves in ${lot.submissions} sessions, ${lot.analysed_valves} analysed; received `, time(lot.first_received_at), " to ", time(lot.last_received_at), ". ",
-      el("a", { href: address("valves", null, { lot: argument }) }, "All sessions")),
+      el("a", { href: address("valves", null, { lot: argument }) }, "All sessions"), " ", reportLink(`Lot ${argument}`, `${path}/report`)),
     el("div", { class: "columns" }, section("Verdicts", verdictBars(argument, history.verdicts)), section("Causes", pareto(argument, history.valves))),
     history.valves.length ? section("Verdicts over time", verdictColumns(history.valves)) : null,
     section("Error over time", controlPart(history, parameters)),

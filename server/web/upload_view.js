@@ -1,6 +1,7 @@
 // Upload: files or folders are dropped, grouped into valves, sent a few at a time, and their analyses followed.
-import { Problem, authorization, get, pause } from "./api.js";
+import { Problem, authorization, get } from "./api.js";
 import { address, append, el, field, options } from "./dom.js";
+import { follow } from "./events.js";
 import { bytes, isFinal, verdictMark } from "./format.js";
 import { problemText } from "./valve_view.js";
 
@@ -116,22 +117,51 @@ function mistake(error) {
   return el("span", { class: "mistake" }, problemText(error.document?.detail ? error.document : null) || error.message);
 }
 
-/// Until the analysis of a submission has ended; a server that restarts meanwhile is waited for.
-async function followed(submission, row, signal) {
-  for (;;) {
-    let now = null;
+/// Follows the jobs of many submissions by one long poll.
+class Jobs {
+  #rows = new Map();
+  #signal;
+  #running = false;
+
+  constructor(signal) {
+    this.#signal = signal;
+  }
+
+  /// Resolves with the submission when its job has ended.
+  ended(submission, row) {
+    return new Promise((resolve, reject) => {
+      this.#rows.set(submission.job_id, { submission, row, resolve, reject });
+      if (this.#running) this.#look(submission.job_id).catch(() => {}); // the follower asks again
+      else this.#start();
+    });
+  }
+
+  async #start() {
+    this.#running = true;
     try {
-      now = await get(`/v1/jobs/${submission.job_id}`, signal);
+      await follow((changed) => Promise.all([...this.#rows.keys()].filter((id) => !changed || changed.has(id)).map((id) => this.#look(id))), this.#signal);
     } catch (error) {
-      if (error instanceof Problem && error.status < 500) throw error;
-      row.say("the server does not answer; still trying");
+      for (const { reject } of this.#rows.values()) reject(error);
+      this.#rows.clear();
     }
-    if (now) {
-      row.progress(0.5 + 0.5 * now.progress);
-      row.say(now.state === "running" ? `analysing${now.progress_note ? `: ${now.progress_note}` : ""}` : now.state);
-      if (isFinal(now.state)) return get(`/v1/submissions/${submission.id}`, signal);
+    this.#running = false;
+  }
+
+  async #look(id) {
+    const { submission, row, resolve, reject } = this.#rows.get(id) ?? {};
+    if (!row) return;
+    try {
+      const job = await get(`/v1/jobs/${id}`, this.#signal);
+      row.progress(0.5 + 0.5 * job.progress);
+      row.say(job.state === "running" ? `analysing${job.progress_note ? `: ${job.progress_note}` : ""}` : job.state);
+      if (!isFinal(job.state)) return;
+      const done = await get(`/v1/submissions/${submission.id}`, this.#signal);
+      if (this.#rows.delete(id)) resolve(done);
+    } catch (error) {
+      if (!(error instanceof Problem) || error.status >= 500) throw error; // the follower asks again
+      this.#rows.delete(id);
+      reject(error);
     }
-    await pause(1000, signal);
   }
 }
 
@@ -152,6 +182,7 @@ export async function showUpload({ signal }) {
   const start = el("button", { type: "button", class: "primary", hidden: true }, "Upload");
   const total = el("p", { role: "status" });
   const waiting = [];
+  const jobs = new Jobs(signal);
   let ended = 0;
   let all = 0;
   let sending = 0;
@@ -162,7 +193,7 @@ export async function showUpload({ signal }) {
       row.say("sending");
       const submission = await send(group, { ...row.labels(), condition: condition.value }, (share) => row.progress(0.5 * share), signal);
       row.say("queued");
-      followed(submission, row, signal).then((done) => row.end(...outcome(done)), (error) => !signal.aborted && row.end(mistake(error)))
+      jobs.ended(submission, row).then((done) => row.end(...outcome(done)), (error) => !signal.aborted && row.end(mistake(error)))
         .finally(() => showTotal(++ended));
     } catch (error) {
       if (signal.aborted) return;

@@ -1,7 +1,9 @@
 // One valve: its verdict, what the simulation gets wrong, its recordings, what teardown found, its history.
-import { get, pause, post, save } from "./api.js";
+import { get, post, save } from "./api.js";
 import { bodeChart } from "./bode_chart.js";
 import { address, el, keepInAddress, section } from "./dom.js";
+import { reportLink } from "./report_link.js";
+import { follow } from "./events.js";
 import { findingsPart } from "./findings.js";
 import { bytes, conclusionWords, figure, isFinal, percent, quantity, scaled, spoken, time, verdictMark } from "./format.js";
 import { barRow, gainBars } from "./gain_bar.js";
@@ -207,15 +209,15 @@ function waitingPart(submission, job, again, signal) {
     note.textContent = ` ${row.state}${row.progress_note ? `: ${row.progress_note}` : ""}`;
   };
   showJob(job);
-  const watch = async () => {
-    for (;;) {
-      await pause(1000, signal);
-      const row = await get(`/v1/jobs/${job.id}`, signal);
-      showJob(row);
-      if (isFinal(row.state)) return again();
-    }
+  const look = async (changed) => {
+    if (changed && !changed.has(job.id)) return;
+    const row = await get(`/v1/jobs/${job.id}`, signal);
+    showJob(row);
+    if (isFinal(row.state)) again();
   };
-  return { node: section("Analysis", el("p", {}, bar, note)), shown: () => watch().catch(() => {}) };
+  return { node: section("Analysis", el("p", {}, bar, note)), shown: () => follow(look, signal).catch((error) => {
+    if (!signal.aborted) note.textContent = error.message;
+  }) };
 }
 
 export function problemText(problem) {
@@ -237,7 +239,7 @@ function head(submission, analysis, again, status) {
   const reanalyze = async () => {
     try {
       await post(`${base}/reanalyze`);
-      status.textContent = "A new analysis is queued; this one stays until it is there.";
+      again();
     } catch (error) {
       status.textContent = error.message;
     }
@@ -249,6 +251,7 @@ function head(submission, analysis, again, status) {
       ["Stand", submission.stand], ["Condition", submission.condition], ["Received", time(submission.received_at)],
       ["Compared with", analysis?.baseline.reason]]),
     el("p", { class: "downloads" },
+      analysis ? reportLink(name, `${base}/report`) : null,
       analysis ? el("button", { type: "button", class: "link", onclick: () => save(`${name}.json`, `${base}/analysis`) }, "analysis (JSON)") : null,
       isFinal(submission.state) ? el("button", { type: "button", class: "link", onclick: reanalyze }, "analyse again") : null, status));
 }

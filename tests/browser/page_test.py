@@ -191,6 +191,20 @@ class Page(unittest.TestCase):
         self.assertIn("the step to S9 is larger than the moving range allows: 80.0", text)
         self.assertEqual(self.browser.run("document.querySelectorAll('.lot-chart .ring').length"), 2)
 
+    def test_a_report_opens_and_runs_nothing(self):
+        self.open_valve("EFC-104233")
+        self.browser.open(self.browser.run("document.querySelector('a.report').href"))
+        self.browser.wait_for_text("How it was made")
+        text = self.browser.text()
+        self.assertIn("Valve EFC-104233", text)
+        self.assertIn("Settings (sha256)", text)
+        self.assertEqual(self.browser.run("document.scripts.length"), 0)
+        self.picture("report")
+        lot = urllib.parse.quote(HOSTILE, safe="")
+        self.browser.open(f"{self.server.url}/v1/lots/{lot}/report")
+        self.browser.wait_for_text(f"Lot {HOSTILE}")
+        self.assertIsNone(self.browser.run("document.querySelector('img')"))
+
     def test_a_sweep_shows_gain_and_phase_over_frequency(self):
         self.open("/lots", "2026-W31-B")
         self.assertEqual(self.browser.run("import('/web/bode_chart.js').then((m) => m.decades(0.09, 21))"), [0.1, 0.2, 0.5, 1, 2, 5, 10, 20])

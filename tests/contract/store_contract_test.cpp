@@ -573,6 +573,7 @@ TEST_P(StoreContract, FindsATokenByItsSecretUntilItIsRevoked) {
 }
 
 TEST_P(StoreContract, TellsEveryChangeOnceInOrder) {
+  EXPECT_EQ(store_->newest_event(), 0);
   const Accepted accepted = accept(alone(a_valve("lot-a", "EFC-1"), "one"));
   const JobRow job = claim();
   ASSERT_TRUE(store_->heartbeat(job.lease(), kLeaseMs, 0.5, "fitting"));
@@ -592,6 +593,7 @@ TEST_P(StoreContract, TellsEveryChangeOnceInOrder) {
   }
   EXPECT_EQ(kinds, (std::vector<std::string>{"recording.accepted", "job.queued", "job.running", "job.progress",
                                              "job.done", "analysis.stored"}));
+  EXPECT_EQ(store_->newest_event(), cursor);
 }
 
 // --- operations ------------------------------------------------------------------------------------------------------

@@ -75,6 +75,7 @@ Result<TokenRow> token_by_secret(Connection& connection, std::string_view secret
 Result<std::vector<TokenRow>> list_tokens(Connection& connection);
 Result<void> revoke_token(const Write& in, std::string_view id, std::string_view actor);
 Result<std::vector<EventRow>> events_after(Connection& connection, std::int64_t cursor, int limit);
+Result<std::int64_t> newest_event(Connection& connection);
 Result<bool> blob_is_referenced(Connection& connection, std::string_view sha256);
 Result<std::vector<std::string>> referenced_blobs(Connection& connection, std::string_view after, int limit);
 Result<std::vector<std::string>> check(Connection& connection);

@@ -220,6 +220,11 @@ Result<void> revoke_token(const Write& in, std::string_view id, std::string_view
   return {};
 }
 
+Result<std::int64_t> newest_event(Connection& connection) {
+  Query query = connection.query("SELECT cursor FROM events ORDER BY cursor DESC LIMIT 1");
+  return query.next() ? query.integer() : 0;
+}
+
 Result<std::vector<EventRow>> events_after(Connection& connection, std::int64_t cursor, int limit) {
   if (limit < 1 || limit > kMaxPageLimit) {
     return fail("invalid_limit", fmt::format("limit is {}, it must be 1 to {}", limit, kMaxPageLimit));

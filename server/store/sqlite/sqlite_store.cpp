@@ -164,6 +164,9 @@ class SqliteStore final : public Store {
     return write([&](const Write& in) { return sqlite::revoke_token(in, id, actor); });
   }
 
+  Result<std::int64_t> newest_event() override {
+    return readers_.run([&](Connection& c) { return sqlite::newest_event(c); });
+  }
   Result<std::vector<EventRow>> events_after(std::int64_t cursor, int limit) override {
     return readers_.run([&](Connection& c) { return sqlite::events_after(c, cursor, limit); });
   }

@@ -1,4 +1,4 @@
-#include "server/http/downsample.h"
+#include "server/report/downsample.h"
 
 #include <gtest/gtest.h>
 #include <rapidcheck.h>
@@ -7,7 +7,7 @@
 #include <cmath>
 #include <limits>
 
-namespace valvetriage::http {
+namespace valvetriage::report {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -63,4 +63,4 @@ TEST(Downsample, LeavesOutSamplesThatAreNotThere) {
 }
 
 }  // namespace
-}  // namespace valvetriage::http
+}  // namespace valvetriage::report

@@ -1,9 +1,9 @@
-#include "server/http/downsample.h"
+#include "server/report/downsample.h"
 
 #include <algorithm>
 #include <cmath>
 
-namespace valvetriage::http {
+namespace valvetriage::report {
 namespace {
 
 void add(Points& points, std::span<const double> time_s, std::span<const double> value, std::size_t i) {
@@ -41,4 +41,4 @@ Points downsample(std::span<const double> time_s, std::span<const double> value,
   return shown;
 }
 
-}  // namespace valvetriage::http
+}  // namespace valvetriage::report

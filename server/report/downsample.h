@@ -4,7 +4,7 @@
 #include <span>
 #include <vector>
 
-namespace valvetriage::http {
+namespace valvetriage::report {
 
 /// A series as it is shown.
 struct Points {
@@ -22,4 +22,4 @@ struct Points {
 Points downsample(std::span<const double> time_s, std::span<const double> value, double from, double to,
                   std::size_t points);
 
-}  // namespace valvetriage::http
+}  // namespace valvetriage::report

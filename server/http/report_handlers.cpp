@@ -1,0 +1,107 @@
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "server/http/handlers.h"
+#include "server/http/limits.h"
+#include "server/http/report_response.h"
+#include "server/http/stored_recording.h"
+#include "server/http/subject.h"
+#include "server/http/views.h"
+#include "server/report/curves.h"
+#include "server/report/valve_report.h"
+
+namespace valvetriage::http {
+namespace {
+
+/// A report runs nothing and asks for nothing.
+constexpr const char* kReportPolicy =
+    "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+
+Result<AnalysisDocument> stored_document(Service& service, const SubmissionRow& submission) {
+  const auto row = analysis_asked_for(service, submission);
+  if (!row) return tl::unexpected(row.error());
+  const auto body = service.store.analysis_body(row->id);
+  if (!body) return tl::unexpected(body.error());
+  const auto document = parse_json(*body);
+  if (!document) return tl::unexpected(document.error());
+  auto read = analysis_from_json(*document);
+  if (!read) return fail("not_available", fmt::format("the stored analysis cannot be read: {}", read.error().message));
+  return read;
+}
+
+/// Null where nothing was added to the baseline.
+const Model* extended_model(const Analysis& analysis) {
+  const bool added = analysis.discrepancy && !analysis.discrepancy->causes.empty();
+  return added ? &analysis.extended_model : nullptr;
+}
+
+Result<std::vector<report::Panel>> panels_of(Service& service, const RecordingRow& row, const Analysis& analysis) {
+  const auto recording = read_stored_recording(service, row);
+  if (!recording) return tl::unexpected(recording.error());
+  return report::recording_panels(*recording, analysis.baseline.model, extended_model(analysis), kReportPoints);
+}
+
+report::RecordingPlot plot_of(Service& service, const RecordingRow& row, const Analysis& analysis) {
+  auto panels = panels_of(service, row, analysis);
+  if (panels) return {.name = row.name, .panels = std::move(*panels), .reason = {}};
+  return {.name = row.name, .panels = {}, .reason = "This recording cannot be drawn: " + panels.error().message};
+}
+
+report::ReportSubject subject_of(const SubmissionRow& row) {
+  const Labels& labels = row.labels;
+  return {.serial = labels.serial.value_or(""),
+          .lot = labels.lot.value_or(""),
+          .valve_type = labels.valve_type.value_or(""),
+          .stand = labels.stand.value_or(""),
+          .condition = labels.condition.value_or(""),
+          .received_at = format_rfc3339(row.received_at)};
+}
+
+}  // namespace
+
+Response report_response(std::string html) {
+  Response response;
+  response.content_type = "text/html; charset=utf-8";
+  response.body = std::move(html);
+  response.set_header("Content-Security-Policy", kReportPolicy);
+  response.set_header("Referrer-Policy", "no-referrer");
+  return response;
+}
+
+Result<Response> get_report(Service& service, Request& request) {
+  const auto submission = submission_asked_for(service, request);
+  if (!submission) return tl::unexpected(submission.error());
+  auto document = stored_document(service, *submission);
+  if (!document) return tl::unexpected(document.error());
+  const auto rows = service.store.recordings_of(submission->id);
+  if (!rows) return tl::unexpected(rows.error());
+  const auto place = ComputationPlace::take(service);
+  if (!place) return tl::unexpected(place.error());
+  report::ValveReport valve{.subject = subject_of(*submission), .analysis = std::move(*document), .plots = {}};
+  for (const RecordingRow& row : *rows) {
+    if (valve.plots.size() == kMaxReportPlots) break;
+    valve.plots.push_back(plot_of(service, row, valve.analysis.analysis));
+  }
+  return report_response(report::valve_report_html(valve));
+}
+
+Result<Response> get_plot(Service& service, Request& request) {
+  const auto submission = submission_asked_for(service, request);
+  if (!submission) return tl::unexpected(submission.error());
+  const auto row = recording_asked_for(service, request);
+  if (!row) return tl::unexpected(row.error());
+  const auto document = stored_document(service, *submission);
+  if (!document) return tl::unexpected(document.error());
+  const auto place = ComputationPlace::take(service);
+  if (!place) return tl::unexpected(place.error());
+  const auto panels = panels_of(service, *row, document->analysis);
+  if (!panels) return tl::unexpected(panels.error());
+  Response response;
+  response.content_type = "image/svg+xml";
+  response.body = report::time_plot(row->name, *panels);
+  response.set_header("Content-Security-Policy", kReportPolicy);
+  return response;
+}
+
+}  // namespace valvetriage::http

@@ -1,0 +1,90 @@
+#include "server/report/curves.h"
+
+#include <cmath>
+#include <limits>
+
+#include "core/mechanisms/simulate_extended.h"
+#include "server/report/downsample.h"
+
+namespace valvetriage::report {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+double squared_error(const Recording& recording, const std::vector<double>& simulated) {
+  double sum = 0;
+  for (std::size_t i = 0; i < simulated.size(); ++i) {
+    const double error = recording.output.values[i] - simulated[i];
+    if (recording.is_valid(i) && std::isfinite(error)) sum += error * error;
+  }
+  return sum;
+}
+
+std::string with_unit(const char* name, const std::string& unit) {
+  return unit.empty() ? name : std::string(name) + " [" + unit + "]";
+}
+
+/// Draws values on a recording's grid.
+struct Pen {
+  std::vector<double> time_s;
+  std::size_t points = 0;
+
+  Curve draw(std::string name, Ink ink, const std::vector<double>& values) const {
+    Points shown = downsample(time_s, values, -kInfinity, kInfinity, points);
+    return {.name = std::move(name), .ink = ink, .x = std::move(shown.time_s), .y = std::move(shown.value)};
+  }
+};
+
+std::vector<double> difference(std::vector<double> a, const std::vector<double>& b) {
+  for (std::size_t i = 0; i < a.size(); ++i) a[i] -= b[i];
+  return a;
+}
+
+}  // namespace
+
+Result<std::vector<double>> free_run(const Model& model, const Recording& recording) {
+  const InitialState estimated{.kind = InitialState::Kind::kMeasured, .samples = recording.samples()};
+  auto fitted = simulate_extended(model, recording, estimated);
+  auto steady = simulate_extended(model, recording, InitialState{});
+  if (!fitted || !steady) return fitted ? fitted : steady;
+  return squared_error(recording, *steady) < squared_error(recording, *fitted) ? steady : fitted;
+}
+
+std::vector<double> grid_times(const Recording& recording) {
+  std::vector<double> time_s(recording.samples());
+  for (std::size_t i = 0; i < time_s.size(); ++i) {
+    time_s[i] = recording.start_s + static_cast<double>(i) * recording.sample_period_s;
+  }
+  return time_s;
+}
+
+std::vector<double> measured_output(const Recording& recording) {
+  std::vector<double> values = recording.output.values;
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    if (!recording.is_valid(i)) values[i] = std::nan("");
+  }
+  return values;
+}
+
+Result<std::vector<Panel>> recording_panels(const Recording& recording, const Model& baseline, const Model* extended,
+                                            std::size_t points) {
+  const Pen pen{.time_s = grid_times(recording), .points = points};
+  const std::vector<double> measured = measured_output(recording);
+  const auto simulated = free_run(baseline, recording);
+  if (!simulated) return tl::unexpected(simulated.error());
+  Panel output{.title = with_unit("Output", recording.output.unit), .height = 200, .curves = {}};
+  Panel residual{.title = with_unit("Residual", recording.output.unit), .height = 130, .curves = {}};
+  output.curves = {pen.draw("measured", Ink::kMeasured, measured), pen.draw("simulated", Ink::kSimulated, *simulated)};
+  residual.curves = {pen.draw("of the simulation", Ink::kSimulated, difference(measured, *simulated))};
+  if (extended) {
+    const auto run = free_run(*extended, recording);
+    if (!run) return tl::unexpected(run.error());
+    output.curves.push_back(pen.draw("extended simulation", Ink::kExtended, *run));
+    residual.curves.push_back(pen.draw("of the extended simulation", Ink::kExtended, difference(measured, *run)));
+  }
+  Panel input{.title = with_unit("Input", recording.input.unit), .height = 90, .curves = {}};
+  input.curves = {pen.draw("input", Ink::kInput, recording.input.values)};
+  return std::vector<Panel>{std::move(output), std::move(residual), std::move(input)};
+}
+
+}  // namespace valvetriage::report

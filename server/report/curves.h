@@ -1,0 +1,34 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "core/model/model.h"
+#include "core/recording/recording.h"
+#include "core/result.h"
+#include "server/report/svg_plot.h"
+
+namespace valvetriage::report {
+
+/// Free run of a model on a recording's input, on the recording's grid.
+///
+/// As in the analysis, the initial state is estimated rather than assumed; the run itself sees the input alone. A
+/// recording that begins at rest hardly determines a fast state: where the steady state at the first input fits better,
+/// it is the estimate.
+///
+/// Errors  those of simulate_extended
+Result<std::vector<double>> free_run(const Model& model, const Recording& recording);
+
+/// The stamps of the recording's uniform grid, in seconds.
+std::vector<double> grid_times(const Recording& recording);
+
+/// The measured output; samples inside gaps are NaN.
+std::vector<double> measured_output(const Recording& recording);
+
+/// Output with both simulations, residuals and input, each reduced to `points` points so that every peak stays.
+///
+/// extended  null: there is no extended model to show
+Result<std::vector<Panel>> recording_panels(const Recording& recording, const Model& baseline, const Model* extended,
+                                            std::size_t points);
+
+}  // namespace valvetriage::report

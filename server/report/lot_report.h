@@ -1,0 +1,36 @@
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "server/report/svg_plot.h"
+
+namespace valvetriage::report {
+
+/// One valve of a lot by its newest result; empty texts where there is nothing.
+struct LotReportValve {
+  std::string serial, received_at, verdict, conclusion, cause;
+  double probability = 0;               ///< of the cause; NaN where there is none
+  std::map<double, double> error_eq20;  ///< level in A → error
+  std::string engine_version, settings_sha256, result_sha256;
+};
+
+struct LotReportLevel {
+  double level_a = 0;
+  std::vector<ChartPoint> points;
+  std::optional<ChartLimits> limits;
+};
+
+struct LotReport {
+  std::string lot, first_received_at, last_received_at;
+  std::vector<LotReportValve> valves;  ///< oldest first
+  std::vector<LotReportLevel> levels;
+};
+
+/// A lot's report, as valve_report_html: verdicts, settled causes most frequent first, the error of each valve at each
+/// level with control limits, every valve with the hash of its result.
+std::string lot_report_html(const LotReport& report);
+
+}  // namespace valvetriage::report

@@ -1,0 +1,147 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "server/report/lot_report.h"
+#include "server/report/markup.h"
+#include "server/report/valve_report.h"
+#include "tests/unit/report/golden.h"
+
+namespace valvetriage::report {
+namespace {
+
+constexpr const char* kHostile = "<img src=x onerror=\"alert('1')\">";
+constexpr const char* kHostileEscaped = "&lt;img src=x onerror=&quot;alert(&#39;1&#39;)&quot;&gt;";
+
+AnalysisDocument example(const std::string& name) {
+  const auto document = parse_json(file_text(std::string(VALVETRIAGE_EXAMPLES_DIR) + "/" + name));
+  EXPECT_TRUE(document);
+  auto read = analysis_from_json(*document);
+  EXPECT_TRUE(read) << read.error().message;
+  return *read;
+}
+
+ValveReport sticking_valve() {
+  ValveReport report{.subject = {.serial = "EFC-104233",
+                                 .lot = "2026-W31-B",
+                                 .valve_type = "type-1",
+                                 .stand = "stand-3",
+                                 .condition = "returned",
+                                 .received_at = "2026-08-03T09:12:44Z"},
+                     .analysis = example("analysis_named_cause.json"),
+                     .plots = {}};
+  Curve measured{.name = "measured", .ink = Ink::kMeasured, .x = {0, 1, 2}, .y = {1, 5, 4}};
+  report.plots = {
+      {.name = "steps.csv", .panels = {{.title = "Output [psi]", .height = 120, .curves = {measured}}}, .reason = {}},
+      {.name = "sweep.mat", .panels = {}, .reason = "This recording cannot be drawn: MAT"}};
+  return report;
+}
+
+LotReport small_lot() {
+  LotReport report{
+      .lot = "2026-W31-B", .first_received_at = "2026-08-03T09:12:44Z", .last_received_at = "2026-08-04T09:12:44Z"};
+  report.valves = {{.serial = "EFC-1",
+                    .received_at = "2026-08-03T09:12:44Z",
+                    .verdict = "Good",
+                    .conclusion = "none",
+                    .probability = std::nan(""),
+                    .error_eq20 = {{1.4, 3.2}},
+                    .engine_version = "0.1.0",
+                    .settings_sha256 = "aa",
+                    .result_sha256 = "0123456789abcdef0123"},
+                   {.serial = "EFC-2",
+                    .received_at = "2026-08-03T10:00:00Z",
+                    .verdict = "Severe",
+                    .conclusion = "named",
+                    .cause = "friction",
+                    .probability = 0.97,
+                    .error_eq20 = {{1.4, 40}},
+                    .engine_version = "0.1.0",
+                    .settings_sha256 = "aa",
+                    .result_sha256 = "fedcba9876543210"},
+                   {.serial = "EFC-3",
+                    .received_at = "2026-08-04T09:12:44Z",
+                    .verdict = "Malfunctioned",
+                    .conclusion = "ambiguous",
+                    .cause = "backlash",
+                    .probability = 0.6,
+                    .error_eq20 = {},
+                    .engine_version = "0.1.0",
+                    .settings_sha256 = "aa",
+                    .result_sha256 = "77"}};
+  report.levels = {{.level_a = 1.4,
+                    .points = {{.value = 3.2, .verdict = "Good"}, {.value = 40, .verdict = "Severe"}},
+                    .limits = ChartLimits{.centre = 21.6, .lower = 0, .upper = 119}}};
+  return report;
+}
+
+TEST(ValveReport, IsTheGoldenFile) {
+  expect_golden("valve.html", valve_report_html(sticking_valve()));
+}
+
+TEST(ValveReport, NamesEngineSettingsResultAndInputs) {
+  const ValveReport report = sticking_valve();
+  const std::string html = valve_report_html(report);
+  for (const std::string& stated : {report.analysis.making.settings_sha256, report.analysis.result_sha256,
+                                    report.analysis.analysis.recordings[0].sha256, std::string("valvetriage 0.1.0")}) {
+    EXPECT_NE(html.find(stated), std::string::npos) << stated;
+  }
+}
+
+TEST(ValveReport, NeedsNothingButItselfAndRunsNothing) {
+  const std::string html = valve_report_html(sticking_valve());
+  for (const char* forbidden : {"<script", "<link", "<img", "url(", "src=", "href=", "javascript:"}) {
+    EXPECT_EQ(html.find(forbidden), std::string::npos) << forbidden;
+  }
+}
+
+TEST(ValveReport, KeepsWhatAUserWroteAsText) {
+  ValveReport report = sticking_valve();
+  report.subject = {kHostile, kHostile, kHostile, kHostile, kHostile, kHostile};
+  report.plots[0].name = report.plots[0].panels[0].curves[0].name = report.plots[0].panels[0].title = kHostile;
+  report.plots[1].reason = kHostile;
+  Analysis& analysis = report.analysis.analysis;
+  analysis.recordings[0].name = kHostile;
+  analysis.recordings[0].quality[0].detail = kHostile;
+  analysis.baseline.reason = analysis.classification.rule_base_name = kHostile;
+  analysis.discrepancy->causes[0].evidence = {kHostile};
+  analysis.discrepancy->causes[0].parameters[0].second.text = kHostile;
+  const std::string html = valve_report_html(report);
+  EXPECT_EQ(html.find("<img"), std::string::npos);
+  EXPECT_NE(html.find(kHostileEscaped), std::string::npos);
+}
+
+TEST(ValveReport, OfAnUnexplainedValveNamesNoFault) {
+  ValveReport report = sticking_valve();
+  report.analysis.analysis.discrepancy->conclusion = Conclusion::kUnexplained;
+  report.analysis.analysis.discrepancy->causes.clear();
+  const std::string html = valve_report_html(report);
+  EXPECT_NE(html.find("It is not known what"), std::string::npos);
+  EXPECT_EQ(html.find("fault"), std::string::npos);
+}
+
+TEST(LotReport, IsTheGoldenFile) {
+  expect_golden("lot.html", lot_report_html(small_lot()));
+}
+
+TEST(LotReport, CountsAsCausesOnlyWhatIsSettled) {
+  const std::string html = lot_report_html(small_lot());
+  EXPECT_NE(html.find(">Friction</text>"), std::string::npos);
+  EXPECT_EQ(html.find(">Backlash</text>"), std::string::npos);
+  EXPECT_NE(html.find("not settled: Backlash, 60 %"), std::string::npos);
+}
+
+TEST(LotReport, KeepsWhatAUserWroteAsText) {
+  LotReport report = small_lot();
+  report.lot = report.valves[0].serial = report.valves[1].cause = kHostile;
+  EXPECT_EQ(lot_report_html(report).find("<img"), std::string::npos);
+}
+
+TEST(Escaped, LeavesNothingThatMarkupOrATerminalWouldRead) {
+  EXPECT_EQ(escaped(kHostile), kHostileEscaped);
+  EXPECT_EQ(escaped("a & b\x1b[1m\n"), "a &amp; b\xEF\xBF\xBD[1m\n");
+  EXPECT_EQ(escaped("Prüfstand"), "Prüfstand");
+}
+
+}  // namespace
+}  // namespace valvetriage::report
