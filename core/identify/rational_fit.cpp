@@ -26,6 +26,7 @@ constexpr int kFewImages = 1, kManyImages = 4;
 constexpr double kReachBelow = 3;   // poles lie no further below the band: what is slower is a constant there
 constexpr double kReachAbove = 30;  // and no further above it
 constexpr double kLeastDamping = 1e-4;
+constexpr double kNarrowest = 0.1;    // half-power width of a resonance over the points' distance: its skirts show it
 constexpr double kLargestStep = 1.0;  // e-folds of a pole's coefficient in one iteration
 constexpr double kConverged = 1e-8;   // relative change of the misfit
 constexpr int kFirstIterations = 3;   // of every way out
@@ -111,11 +112,11 @@ class Problem {
   double lowest() const { return lowest_; }
   double highest() const { return highest_; }
   double phase_delay() const { return phase_delay_; }
-  /// The narrowest resonance that the points resolve: 2 |Re p| no less than they lie apart there.
+  /// The narrowest resonance that the points resolve, 2 |Re p| by their distance there.
   double least_log_a1(double log_a0) const {
     const double omega = std::exp(0.5 * log_a0);
-    auto above = std::upper_bound(omega_.begin() + 1, omega_.end() - 1, omega);
-    return std::log(std::max(2 * kLeastDamping * omega, *above - *(above - 1)));
+    const auto above = std::upper_bound(omega_.begin() + 1, omega_.end() - 1, omega);
+    return std::log(std::max(2 * kLeastDamping * omega, kNarrowest * (*above - *(above - 1))));
   }
   double at_share_of_band(double share) const { return lowest_ * std::pow(highest_ / lowest_, share); }
   const std::vector<double>& corners() const { return corners_; }

@@ -8,7 +8,9 @@
 #include <vector>
 
 #include "core/analysis/paper_check.h"
+#include "core/model/paper_models.h"
 #include "server/commands/commands.h"
+#include "server/report/bode_text.h"
 #include "server/wire/paper_json.h"
 #include "server/wire/rule_base_json.h"
 
@@ -64,6 +66,15 @@ void print_table(const std::vector<PaperLine>& lines) {
   }
 }
 
+/// Eqs 16 and 17 with the quadratics cancelled: their damping ratios are not printed, so nothing is drawn that needs
+/// them.
+void print_bode_figure() {
+  fmt::print("\nEqs 16 and 17 as a Bode figure: gain over angular frequency, both in the paper's own unit\n\n{}",
+             report::bode_text({{"good valve (Eq 16)", 'g', cancelled(kPaperEquation16)},
+                                {"returned valve (Eq 17): decays first", 'r', cancelled(kPaperEquation17)}},
+                               0.1, 100, -60));
+}
+
 ExitStatus run(bool json) {
   const auto paper = embedded_rule_base("paper"), calibrated = embedded_rule_base("calibrated");
   if (!paper || !calibrated) {
@@ -75,6 +86,7 @@ ExitStatus run(bool json) {
     fmt::print("{}\n", dump_json(to_json(lines), true));
   } else {
     print_table(lines);
+    print_bode_figure();
   }
   return kDone;
 }

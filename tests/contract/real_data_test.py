@@ -62,6 +62,20 @@ class RealData(unittest.TestCase):
                 listed = {item["id"] for item in self.service.get("/v1/recordings?limit=100")["items"]}
                 self.assertIn(submission["id"], listed)
 
+    def test_the_arms_sweep_has_a_frequency_response_features_and_orders(self):
+        [response] = self.analysis("robot_arm/robot_arm.csv")["frequency_response"]
+        self.assertIsNone(response["refused"])
+        self.assertGreaterEqual(len(response["frequency_hz"]), 40)
+        self.assertGreaterEqual(len(response["tried"]), 6)
+        # Its first mode stands out of the response by tens of decibels near 0.058 or its second near 0.127 Hz.
+        self.assertGreater(response["features"]["resonance_peak_db"]["value"], 20)
+        frequency_hz = response["features"]["resonance_hz"]["value"]
+        self.assertLess(min(abs(frequency_hz - 0.058), abs(frequency_hz - 0.127)), 0.002)
+
+    def test_the_arms_transfer_function_of_order_six_runs_freely_as_well_as_published_ones(self):
+        options = (*UNITLESS, "--method", "rational", "--order", "6")
+        self.assertGreater(self.fit_percent("robot_arm/robot_arm.csv", *options), 96)
+
     def test_identified_models_fit_about_as_well_as_a_linear_model_can(self):
         # The arm is close to linear, about 3 % of its norm is left by published models of order 4 to 6.
         self.assertGreater(self.fit_percent("robot_arm/robot_arm.csv", *UNITLESS, "--method", "oe"), 95)
