@@ -18,16 +18,10 @@ namespace {
 constexpr const char* kReportPolicy =
     "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
-Result<AnalysisDocument> stored_document(Service& service, const SubmissionRow& submission) {
+Result<AnalysisDocument> newest_document(Service& service, const SubmissionRow& submission) {
   const auto row = analysis_asked_for(service, submission);
   if (!row) return tl::unexpected(row.error());
-  const auto body = service.store.analysis_body(row->id);
-  if (!body) return tl::unexpected(body.error());
-  const auto document = parse_json(*body);
-  if (!document) return tl::unexpected(document.error());
-  auto read = analysis_from_json(*document);
-  if (!read) return fail("not_available", fmt::format("the stored analysis cannot be read: {}", read.error().message));
-  return read;
+  return stored_analysis(service, *row);
 }
 
 /// Null where nothing was added to the baseline.
@@ -72,7 +66,7 @@ Response report_response(std::string html) {
 Result<Response> get_report(Service& service, Request& request) {
   const auto submission = submission_asked_for(service, request);
   if (!submission) return tl::unexpected(submission.error());
-  auto document = stored_document(service, *submission);
+  auto document = newest_document(service, *submission);
   if (!document) return tl::unexpected(document.error());
   const auto rows = service.store.recordings_of(submission->id);
   if (!rows) return tl::unexpected(rows.error());
@@ -91,7 +85,7 @@ Result<Response> get_plot(Service& service, Request& request) {
   if (!submission) return tl::unexpected(submission.error());
   const auto row = recording_asked_for(service, request);
   if (!row) return tl::unexpected(row.error());
-  const auto document = stored_document(service, *submission);
+  const auto document = newest_document(service, *submission);
   if (!document) return tl::unexpected(document.error());
   const auto place = ComputationPlace::take(service);
   if (!place) return tl::unexpected(place.error());

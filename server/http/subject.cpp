@@ -49,4 +49,14 @@ Result<AnalysisRow> analysis_asked_for(Service& service, const SubmissionRow& su
   return fail("not_finished", fmt::format("the analysis is not finished: the job is '{}'", state));
 }
 
+Result<AnalysisDocument> stored_analysis(Service& service, const AnalysisRow& row) {
+  const auto body = service.store.analysis_body(row.id);
+  if (!body) return tl::unexpected(body.error());
+  const auto document = parse_json(*body);
+  if (!document) return tl::unexpected(document.error());
+  auto read = analysis_from_json(*document);
+  if (!read) return fail("not_available", fmt::format("the stored analysis cannot be read: {}", read.error().message));
+  return read;
+}
+
 }  // namespace valvetriage::http

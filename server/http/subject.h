@@ -2,6 +2,7 @@
 
 #include "server/http/exchange.h"
 #include "server/http/service.h"
+#include "server/wire/analysis_json.h"
 
 namespace valvetriage::http {
 
@@ -16,5 +17,8 @@ Result<RecordingRow> recording_asked_for(Service& service, const Request& reques
 
 /// The newest analysis. Errors `not_finished` while there is none yet, or the problem that ended the job.
 Result<AnalysisRow> analysis_asked_for(Service& service, const SubmissionRow& submission);
+
+/// What a stored analysis says. Errors `not_available` where it is of a format that this version cannot read.
+Result<AnalysisDocument> stored_analysis(Service& service, const AnalysisRow& row);
 
 }  // namespace valvetriage::http

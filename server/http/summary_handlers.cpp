@@ -5,7 +5,6 @@
 #include "server/http/subject.h"
 #include "server/http/views.h"
 #include "server/report/sentence.h"
-#include "server/wire/analysis_json.h"
 
 namespace valvetriage::http {
 namespace {
@@ -29,12 +28,8 @@ Result<Response> get_summary(Service& service, Request& request) {
   if (!submission) return tl::unexpected(submission.error());
   const auto row = analysis_asked_for(service, *submission);
   if (!row) return tl::unexpected(row.error());
-  const auto body = service.store.analysis_body(row->id);
-  if (!body) return tl::unexpected(body.error());
-  const auto document = parse_json(*body);
-  if (!document) return tl::unexpected(document.error());
-  const auto read = analysis_from_json(*document);
-  if (!read) return fail("not_available", fmt::format("the stored analysis cannot be read: {}", read.error().message));
+  const auto read = stored_analysis(service, *row);
+  if (!read) return tl::unexpected(read.error());
   const report::Summary summary = report::summarise(read->analysis);
   return json_response(Json{{"analysis_id", row->id},
                             {"verdict", summary.verdict},

@@ -72,23 +72,23 @@ std::string errors_part(const LotReport& report) {
 }
 
 std::string valves_part(const LotReport& report) {
-  std::string table = "<table>\n<tr><th>Serial</th><th>Received</th><th>Verdict</th><th>What is wrong</th>";
-  for (const LotReportLevel& level : report.levels)
-    table += fmt::format("<th class=\"n\">{:.1f} A</th>", level.level_a);
-  table += "<th>Result (sha256)</th></tr>\n";
+  std::vector<Table::Column> columns{{"Serial"}, {"Received"}, {"Verdict"}, {"What is wrong"}};
+  for (const LotReportLevel& level : report.levels) columns.push_back({fmt::format("{:.1f} A", level.level_a), true});
+  columns.push_back({"Result (sha256)"});
+  Table table(std::move(columns));
   for (const LotReportValve& valve : report.valves) {
-    table += fmt::format("<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td>",
-                         escaped(valve.serial.empty() ? "without serial" : valve.serial), escaped(valve.received_at),
-                         escaped(valve.verdict.empty() ? "–" : valve.verdict), escaped(what_is_wrong(valve)));
+    std::vector<std::string> cells{escaped(valve.serial.empty() ? "without serial" : valve.serial),
+                                   escaped(valve.received_at), escaped(valve.verdict.empty() ? "–" : valve.verdict),
+                                   escaped(what_is_wrong(valve))};
     for (const LotReportLevel& level : report.levels) {
       const auto error = valve.error_eq20.find(level.level_a);
-      table += fmt::format("<td class=\"n\">{}</td>",
-                           error == valve.error_eq20.end() ? "–" : fmt::format("{:.3g}", error->second));
+      cells.push_back(error == valve.error_eq20.end() ? "–" : fmt::format("{:.3g}", error->second));
     }
-    table += fmt::format("<td><code>{}</code></td></tr>\n", escaped(valve.result_sha256.substr(0, 16)));
+    cells.push_back("<code>" + escaped(valve.result_sha256.substr(0, 16)) + "</code>");
+    table.add_row(cells);
   }
-  return table +
-         "</table>\n<p class=\"small\">The error (Eq 20) by current level; of each hash the first 16 digits.</p>\n";
+  return table.markup() +
+         "<p class=\"small\">The error (Eq 20) by current level; of each hash the first 16 digits.</p>\n";
 }
 
 std::string making_part(const LotReport& report) {

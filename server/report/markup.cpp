@@ -58,14 +58,22 @@ std::string html_page(const std::string& title, const std::string& body) {
       escaped(title), kStyle, body);
 }
 
-std::string table_row(std::initializer_list<std::string> cells, std::string_view tag) {
-  std::string row = "<tr>";
-  for (const std::string& cell : cells) {
-    // A cell that begins with a figure is a number.
-    const bool number = !cell.empty() && cell.find_first_of("0123456789") == (cell[0] == '-' ? 1 : 0);
-    row += fmt::format("<{0}{1}>{2}</{0}>", tag, number && tag == "td" ? " class=\"n\"" : "", cell);
+Table::Table(std::vector<Column> columns) : columns_(std::move(columns)) {
+  std::vector<std::string> heads;
+  for (const Column& column : columns_) heads.push_back(column.head);
+  add(heads, "th");
+}
+
+void Table::add_row(const std::vector<std::string>& cells) {
+  add(cells, "td");
+}
+
+void Table::add(const std::vector<std::string>& cells, std::string_view tag) {
+  rows_ += "<tr>";
+  for (std::size_t i = 0; i < cells.size() && i < columns_.size(); ++i) {
+    rows_ += fmt::format("<{0}{1}>{2}</{0}>", tag, columns_[i].numeric ? " class=\"n\"" : "", cells[i]);
   }
-  return row + "</tr>\n";
+  rows_ += "</tr>\n";
 }
 
 }  // namespace valvetriage::report

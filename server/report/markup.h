@@ -2,6 +2,7 @@
 
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace valvetriage::report {
 
@@ -12,7 +13,24 @@ std::string escaped(std::string_view text);
 /// A whole HTML page that prints to A4 and needs nothing but itself: no script, no other file. `body` is markup.
 std::string html_page(const std::string& title, const std::string& body);
 
-/// A row of a table; the cells are markup. `tag` is td or th.
-std::string table_row(std::initializer_list<std::string> cells, std::string_view tag = "td");
+/// A table under a head. Cells are markup; those of numeric columns stand flush right under their heads.
+class Table {
+ public:
+  struct Column {
+    std::string head;  ///< markup
+    bool numeric = false;
+  };
+  explicit Table(std::vector<Column> columns);
+
+  /// One cell per column.
+  void add_row(const std::vector<std::string>& cells);
+  std::string markup() const { return "<table>\n" + rows_ + "</table>\n"; }
+
+ private:
+  void add(const std::vector<std::string>& cells, std::string_view tag);
+
+  std::vector<Column> columns_;
+  std::string rows_;
+};
 
 }  // namespace valvetriage::report

@@ -43,14 +43,15 @@ std::string subject_table(const ReportSubject& subject) {
 
 std::string level_table(const Simulation& simulation, const std::string& unit) {
   if (simulation.by_level.empty()) return {};
-  std::string table =
-      "<table>\n" +
-      table_row({"Level [A]", "Error (Eq 20)", escaped("Settling error [" + unit + "]"), "Rise time [s]"}, "th");
+  Table table({{"Level [A]", true},
+               {"Error (Eq 20)", true},
+               {escaped("Settling error [" + unit + "]"), true},
+               {"Rise time [s]", true}});
   for (const LevelFigures& level : simulation.by_level) {
-    table += table_row({fmt::format("{:.2f}", level.level_a), figure(level.error_eq20), figure(level.settling_error),
-                        figure(level.rise_time_s)});
+    table.add_row({fmt::format("{:.2f}", level.level_a), figure(level.error_eq20), figure(level.settling_error),
+                   figure(level.rise_time_s)});
   }
-  return table + "</table>\n";
+  return table.markup();
 }
 
 std::string rule_list(const ClassificationResult& result) {
@@ -81,18 +82,18 @@ std::string verdict_part(const Analysis& analysis, const Summary& summary) {
 
 std::string parameter_table(const NamedCause& cause) {
   if (cause.parameters.empty()) return {};
-  std::string table =
-      "<table>\n" + table_row({"Parameter", "Value", "Standard error", "95 % interval", "Good valves"}, "th");
+  Table table(
+      {{"Parameter"}, {"Value", true}, {"Standard error", true}, {"95 % interval", true}, {"Good valves", true}});
   for (const auto& [name, p] : cause.parameters) {
     const std::string value = p.text.empty() ? quantity(p.value, p.unit) : p.text;
     const bool bounded = std::isfinite(p.ci95[0]) && std::isfinite(p.ci95[1]);
     const bool known = std::isfinite(p.population_mean);
-    table += table_row(
+    table.add_row(
         {"<code>" + escaped(name) + "</code>", escaped(value), escaped(quantity(p.std_error, p.unit)),
          bounded ? escaped(quantity(p.ci95[0], p.unit) + " to " + quantity(p.ci95[1], p.unit)) : "–",
          known ? escaped(quantity(p.population_mean, p.unit) + " ± " + quantity(p.population_sd, p.unit)) : "–"});
   }
-  return table + "</table>\n";
+  return table.markup();
 }
 
 std::string cause_part(const NamedCause& cause, const std::string& sentence) {
@@ -172,13 +173,13 @@ std::string making_part(const AnalysisDocument& document) {
     row("Rule base", fmt::format("{}, version {}, sha256 {}", result.rule_base_name, result.rule_base_version,
                                  result.rule_base_sha256));
   }
-  table +=
-      "</table>\n<h3>Input files</h3>\n<table>\n" + table_row({"Name", "Samples", "Rate [Hz]", "Test", "sha256"}, "th");
+  table += "</table>\n<h3>Input files</h3>\n";
+  Table files({{"Name"}, {"Samples", true}, {"Rate [Hz]", true}, {"Test"}, {"sha256"}});
   for (const RecordingSummary& recording : document.analysis.recordings) {
-    table += table_row({escaped(recording.name), std::to_string(recording.samples), figure(recording.sample_rate_hz),
-                        to_string(recording.test), "<code>" + escaped(recording.sha256) + "</code>"});
+    files.add_row({escaped(recording.name), std::to_string(recording.samples), figure(recording.sample_rate_hz),
+                   to_string(recording.test), "<code>" + escaped(recording.sha256) + "</code>"});
   }
-  return table + "</table>\n" +
+  return table + files.markup() +
          paragraph("The same files, engine version and settings give the same result hash.", " class=\"small\"");
 }
 

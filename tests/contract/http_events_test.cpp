@@ -87,7 +87,9 @@ TEST(Events, BoundTheWaitingRequestsAndLeaveTheServerFreeForOthers) {
   EXPECT_EQ(server.get("/healthz").status, 200);
   server.post("/v1/recordings", good_csv("EFC-1"));
   for (auto& one : waiting) {
-    if (one.valid()) EXPECT_EQ(one.get().status, 200);
+    if (one.valid()) {
+      EXPECT_EQ(one.get().status, 200);
+    }
   }
   EXPECT_EQ(events(server, "0", "30")["items"].empty(), false);  // the places are free again
 }

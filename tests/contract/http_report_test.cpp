@@ -11,9 +11,9 @@ constexpr const char* kHostile = "<img src=x onerror=alert(1)>";
 TEST(Report, OfASubmissionIsOnePageThatMayRunNothing) {
   TestServer server({.tokens_required = false, .workers = 1, .limits = {}});
   const Json recording = server.await(server.post("/v1/recordings", good_csv(kHostile, kHostile)).header("Location"));
-  for (const std::string target : {"/v1/submissions/" + recording["submission_id"].get<std::string>() + "/report",
-                                   "/v1/recordings/" + recording["id"].get<std::string>() + "/report",
-                                   "/v1/lots/" + http::percent_encode(kHostile) + "/report"}) {
+  for (const std::string& target : {"/v1/submissions/" + recording["submission_id"].get<std::string>() + "/report",
+                                    "/v1/recordings/" + recording["id"].get<std::string>() + "/report",
+                                    "/v1/lots/" + http::percent_encode(kHostile) + "/report"}) {
     const RawAnswer answer = server.get(target);
     ASSERT_EQ(answer.status, 200) << target << answer.body;
     EXPECT_TRUE(answer.header("Content-Type").starts_with("text/html"));
