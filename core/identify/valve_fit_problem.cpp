@@ -50,7 +50,7 @@ ValveFitProblem::ValveFitProblem(std::span<const Recording> recordings, const Va
     : options_(options), knots_(static_cast<Index>(options.knots.size())) {
   std::size_t samples = 0;
   for (const Recording& recording : recordings) {
-    Prepared prepared{.recording = &recording, .input = input_between_samples(recording)};
+    Prepared prepared{.recording = &recording, .input = noise_free_input(recording)};
     const double noise = noise_floor(recording).rms;
     prepared.inverse_variance = noise > 0 ? 1.0 / (noise * noise) : 1.0;
     for (std::size_t i = 0; i < recording.samples(); ++i) {

@@ -264,7 +264,7 @@ Result<std::vector<double>> simulate_extended(const Model& model, const Recordin
                                               const InitialState& initial, Horizon horizon) {
   // A machine's chain holds its laws itself.
   if (model.machine) return simulate(model, recording, initial, horizon);
-  return run(model, input_between_samples(recording), recording.sample_period_s, first_outputs(recording, initial),
+  return run(model, model_input(model, recording), recording.sample_period_s, first_outputs(recording, initial),
              initial, horizon, {.side = recording.side, .recording = recording.name});
 }
 

@@ -30,4 +30,8 @@ Result<LinearFilter> sampled_dynamics(const TransferFunction& g, double sample_p
 /// The measured outputs that set the initial state, NaN where one takes no part.
 std::vector<double> first_outputs(const Recording& recording, const InitialState& initial);
 
+/// What drives a model in a recording: a valve's memories the input without its measurement noise, a linear model the
+/// input as it was logged.
+IntervalSignal model_input(const Model& model, const Recording& recording);
+
 }  // namespace valvetriage

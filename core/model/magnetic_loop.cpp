@@ -8,23 +8,10 @@ namespace {
 
 constexpr double kGateInDeviations = 3.0;
 
-/// Standard deviation of the input's white noise. The lower quartile of third differences is used, so that the fast
-/// part of a sweep and the edges of steps do not count.
-double input_noise(const std::vector<double>& u) {
-  if (u.size() < 8) return 0;
-  std::vector<double> size;
-  size.reserve(u.size());
-  for (std::size_t i = 3; i < u.size(); ++i) size.push_back(std::abs(u[i] - 3 * u[i - 1] + 3 * u[i - 2] - u[i - 3]));
-  const auto quartile = size.begin() + static_cast<std::ptrdiff_t>(size.size() / 4);
-  std::nth_element(size.begin(), quartile, size.end());
-  constexpr double kQuartileOfNormal = 0.3186;  // of |z|
-  return *quartile / kQuartileOfNormal / std::sqrt(20.0);
-}
-
 }  // namespace
 
 std::vector<double> loop_driver(const IntervalSignal& input) {
-  const double gate = kGateInDeviations * input_noise(input.start);
+  const double gate = kGateInDeviations * white_noise(input.start);
   std::vector<double> driver(input.start.size());
   double at = input.start.empty() ? 0 : input.start.front();
   for (std::size_t i = 0; i < driver.size(); ++i) {

@@ -234,6 +234,10 @@ std::vector<double> first_outputs(const Recording& recording, const InitialState
   return measured;
 }
 
+IntervalSignal model_input(const Model& model, const Recording& recording) {
+  return model.map ? noise_free_input(recording) : input_between_samples(recording);
+}
+
 Result<std::vector<double>> simulate(const Model& model, const IntervalSignal& input, double sample_period_s,
                                      std::span<const double> measured, const InitialState& initial, Horizon horizon) {
   if (model.machine) {
@@ -250,7 +254,7 @@ Result<std::vector<double>> simulate(const Model& model, const Recording& record
     return simulate_machine(*model.machine, machine_input(*model.machine, input_between_samples(recording)),
                             recording.sample_period_s, recording.side, measured, initial);
   }
-  return simulate(model, input_between_samples(recording), recording.sample_period_s, measured, initial, horizon);
+  return simulate(model, model_input(model, recording), recording.sample_period_s, measured, initial, horizon);
 }
 
 }  // namespace valvetriage

@@ -1,7 +1,10 @@
 #include "core/recording/intersample.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
+#include <utility>
 #include <vector>
 
 namespace valvetriage {
@@ -20,10 +23,59 @@ double bend_across(const std::vector<double>& u, std::size_t first, std::size_t 
   return static_cast<double>(last - first + 1) / 8 * std::abs(slope(last) - slope(first - kBeside));
 }
 
-}  // namespace
+constexpr double kIntervalInDeviations = 2.5;
+constexpr double kLeastNoise = 1e-7;  // of the input's range: a clean log's own rounding
+constexpr std::array<std::size_t, 7> kHalfWindows{1, 2, 4, 8, 16, 32, 64};
 
-IntervalSignal input_between_samples(const Recording& recording) {
-  const auto& u = recording.input.values;
+/// Samples that begin a new stretch: no window reaches across them.
+std::vector<std::size_t> stretches(const Recording& recording) {
+  std::vector<std::size_t> begins{0, recording.samples()};
+  for (const Segment& segment : recording.segments) {
+    if (segment.kind == SegmentKind::kStep) begins.push_back(segment.begin);
+  }
+  for (const InputJump& jump : recording.jumps) begins.push_back(jump.interval + 1);
+  std::sort(begins.begin(), begins.end());
+  begins.erase(std::unique(begins.begin(), begins.end()), begins.end());
+  return begins;
+}
+
+/// The mean over the widest window around sample i of [first, last) that agrees with all narrower ones.
+double agreeing_mean(std::span<const double> sums, std::span<const double> u, std::size_t i, std::size_t first,
+                     std::size_t last, double noise) {
+  double mean = u[i], low = mean - kIntervalInDeviations * noise, high = mean + kIntervalInDeviations * noise;
+  for (const std::size_t half : kHalfWindows) {
+    if (i < first + half || i + half >= last) break;
+    const double count = static_cast<double>(2 * half + 1);
+    const double wider = (sums[i + half + 1] - sums[i - half]) / count;
+    const double reach = kIntervalInDeviations * noise / std::sqrt(count);
+    low = std::max(low, wider - reach);
+    high = std::min(high, wider + reach);
+    if (low > high) break;
+    mean = wider;
+  }
+  return mean;
+}
+
+std::vector<double> without_noise(const Recording& recording) {
+  std::vector<double> u = recording.input.values;
+  const double noise = white_noise(u);
+  const auto [low, high] = std::minmax_element(u.begin(), u.end());
+  if (!(noise > kLeastNoise * (*high - *low))) return u;
+  // Sums about the first value keep their digits.
+  std::vector<double> sums(u.size() + 1, 0.0);
+  for (std::size_t i = 0; i < u.size(); ++i) sums[i + 1] = sums[i] + (u[i] - u[0]);
+  std::vector<double> centred = u;
+  for (double& value : centred) value -= u[0];
+  const std::vector<std::size_t> begins = stretches(recording);
+  for (std::size_t s = 0; s + 1 < begins.size(); ++s) {
+    for (std::size_t i = begins[s]; i < begins[s + 1]; ++i) {
+      u[i] = recording.input.values[0] + agreeing_mean(sums, centred, i, begins[s], begins[s + 1], noise);
+    }
+  }
+  return u;
+}
+
+IntervalSignal between_samples(const Recording& recording, const std::vector<double>& u) {
   IntervalSignal signal{u, u};
   for (std::size_t i = 0; i + 1 < u.size(); ++i) signal.end[i] = u[i + 1];
   for (const Segment& segment : recording.segments) {
@@ -37,6 +89,38 @@ IntervalSignal input_between_samples(const Recording& recording) {
     signal.start[jump.interval] = signal.end[jump.interval] = before + (1 - jump.fraction) * (after - before);
   }
   return signal;
+}
+
+}  // namespace
+
+double white_noise(std::span<const double> signal) {
+  // Differences of a higher order take off faster signals; of noise each leaves √C(2k, k) times its deviation.
+  constexpr std::array<std::pair<int, double>, 3> kOrders{{{3, 20}, {6, 924}, {9, 48620}}};
+  constexpr double kQuartileOfNormal = 0.3186;  // of |z|
+  std::vector<double> difference(signal.begin(), signal.end());
+  double least = std::numeric_limits<double>::infinity();
+  int taken = 0;
+  for (const auto& [order, power] : kOrders) {
+    if (signal.size() < static_cast<std::size_t>(order) + 5) break;
+    for (; taken < order; ++taken) {
+      for (std::size_t i = 0; i + 1 < difference.size(); ++i) difference[i] = difference[i + 1] - difference[i];
+      difference.pop_back();
+    }
+    std::vector<double> size = difference;
+    for (double& value : size) value = std::abs(value);
+    const auto quartile = size.begin() + static_cast<std::ptrdiff_t>(size.size() / 4);
+    std::nth_element(size.begin(), quartile, size.end());
+    least = std::min(least, *quartile / kQuartileOfNormal / std::sqrt(power));
+  }
+  return std::isfinite(least) ? least : 0;
+}
+
+IntervalSignal input_between_samples(const Recording& recording) {
+  return between_samples(recording, recording.input.values);
+}
+
+IntervalSignal noise_free_input(const Recording& recording) {
+  return between_samples(recording, without_noise(recording));
 }
 
 std::size_t leave_out_lost_input(Recording& recording, double settling_s) {
