@@ -30,9 +30,10 @@ constexpr double kSelfWindowDuration_s = 2.0;
 
 /// Free runs that an analysis compares with: what `simulation` is about, and what Eq 20 is taken against.
 struct FreeRuns {
-  std::vector<std::vector<double>> baseline;
-  std::vector<std::vector<double>> population;  ///< of the reference's mean; else the same as the baseline
-  std::vector<std::vector<double>> extended;    ///< empty where nothing was added
+  FreeRunsOf baseline;
+  FreeRunsOf population;                  ///< of the reference's mean; else the same as the baseline
+  FreeRunsOf extended;                    ///< empty where nothing was added
+  std::vector<FreeRunsOf> without_cause;  ///< by cause of `extended`, the same without it
   bool unstable = false;
 };
 
@@ -124,17 +125,17 @@ Result<void> require_current(const Reference& reference) {
                   reference.valve_type, parameters, kValveParameters.size()));
 }
 
-/// What the simulation gets wrong, into the analysis; the extended model's free runs where there is one.
-std::vector<std::vector<double>> diagnose(std::span<const Recording> recordings, const ValveFit& fit,
-                                          const ValveFitOptions& options, const Reference& reference,
-                                          Analysis& analysis) {
+/// What the simulation gets wrong, into the analysis; the extended model's free runs into `runs` where there is one.
+void diagnose(std::span<const Recording> recordings, const ValveFit& fit, const ValveFitOptions& options,
+              const Reference& reference, Analysis& analysis, FreeRuns& runs) {
   ValveDiagnosis diagnosis = diagnose_valve(
       recordings, fit,
       {.fit = options, .good_valves = reference.valves, .causes = reference.causes, .leftovers = reference.leftovers});
   analysis.discrepancy = std::move(diagnosis.discrepancy);
   analysis.extended_model = std::move(diagnosis.extended_model);
-  if (analysis.discrepancy->causes.empty()) return {};
-  return std::move(diagnosis.extended);
+  if (analysis.discrepancy->causes.empty()) return;
+  runs.extended = std::move(diagnosis.extended);
+  runs.without_cause = std::move(diagnosis.without_cause);
 }
 
 Result<FreeRuns> run_reference(std::span<const Recording> recordings, Analysis& analysis) {
@@ -159,7 +160,7 @@ Result<FreeRuns> run_reference(std::span<const Recording> recordings, Analysis& 
 
   FreeRuns runs;
   // A reference learned without the engine's survey of its valves has no scale to name a cause by.
-  if (!reference.causes.empty()) runs.extended = diagnose(kept, *fit, options, reference, analysis);
+  if (!reference.causes.empty()) diagnose(kept, *fit, options, reference, analysis, runs);
   runs.baseline = std::move(fit->simulated);
   for (const Recording& recording : recordings) {
     auto population = simulate_extended(reference.model, recording, InitialState{});
@@ -290,6 +291,48 @@ std::vector<LevelFigures> figures_by_level(std::span<const Recording> recordings
   return by_level;
 }
 
+/// The recordings with other outputs.
+std::vector<Recording> with_outputs(std::span<const Recording> recordings, FreeRunsOf outputs) {
+  std::vector<Recording> changed(recordings.begin(), recordings.end());
+  for (std::size_t r = 0; r < changed.size(); ++r) changed[r].output.values = std::move(outputs[r]);
+  return changed;
+}
+
+/// Eq 20 between the extended model and the same without one cause, by level: the part of the error that it makes.
+void add_errors_caused(std::span<const Recording> recordings, const FreeRuns& runs, const Eq20Window& window,
+                       Analysis& analysis) {
+  if (runs.without_cause.empty()) return;
+  const std::vector<Recording> extended = with_outputs(recordings, runs.extended);
+  for (std::size_t c = 0; c < runs.without_cause.size(); ++c) {
+    const FreeRuns without{.baseline = runs.without_cause[c], .population = runs.without_cause[c]};
+    auto& caused = analysis.discrepancy->causes[c].error_eq20_caused;
+    for (const LevelFigures& level : figures_by_level(extended, without, analysis.baseline, window)) {
+      if (level.error_eq20) caused[fmt::format("{:g}", level.level_a)] = *level.error_eq20;
+    }
+  }
+}
+
+/// The recordings as they would be without what the stand did to them; empty where no cause of the stand is settled.
+std::vector<Recording> without_stand(std::span<const Recording> recordings, const FreeRuns& runs,
+                                     const Analysis& analysis) {
+  if (!analysis.discrepancy || analysis.discrepancy->conclusion == Conclusion::kUnexplained) return {};
+  FreeRunsOf outputs;
+  for (const Recording& recording : recordings) outputs.push_back(recording.output.values);
+  bool any = false;
+  for (std::size_t c = 0; c < runs.without_cause.size(); ++c) {
+    const NamedCause& cause = analysis.discrepancy->causes[c];
+    if (cause.origin != "stand" || !cause.alternatives.empty()) continue;
+    any = true;
+    for (std::size_t r = 0; r < outputs.size(); ++r) {
+      for (std::size_t i = 0; i < outputs[r].size(); ++i) {
+        outputs[r][i] -= runs.extended[r][i] - runs.without_cause[c][r][i];
+      }
+    }
+  }
+  if (!any) return {};
+  return with_outputs(recordings, std::move(outputs));
+}
+
 /// What the linear machine gets wrong on its own recordings. Recordings that allow no diagnosis (an output that never
 /// changes, different sample times) have none; the rest of the analysis stands.
 void diagnose_self(std::span<const Recording> recordings, Analysis& analysis) {
@@ -325,17 +368,29 @@ Result<Analysis> analyze(std::span<const Recording> recordings, const AnalysisOp
   if (all_in_valve_units(recordings)) {
     analysis.simulation.by_level = figures_by_level(recordings, *runs, analysis.baseline, analysis.simulation.window);
   }
-  analysis.classification = classify_valve({.by_level = analysis.simulation.by_level,
-                                            .baseline = analysis.baseline.kind,
-                                            .valve_units = all_in_valve_units(recordings),
-                                            .feedback = any_feedback(recordings),
-                                            .unstable = runs->unstable},
-                                           options.rule_base);
+  const auto classified = [&](std::span<const LevelFigures> by_level) {
+    return classify_valve({.by_level = by_level,
+                           .baseline = analysis.baseline.kind,
+                           .valve_units = all_in_valve_units(recordings),
+                           .feedback = any_feedback(recordings),
+                           .unstable = runs->unstable},
+                          options.rule_base);
+  };
+  analysis.classification = classified(analysis.simulation.by_level);
+  analysis.classification.without_stand_causes = analysis.classification.verdict;
+  if (all_in_valve_units(recordings)) {
+    add_errors_caused(recordings, *runs, analysis.simulation.window, analysis);
+    const std::vector<Recording> valve_alone = without_stand(recordings, *runs, analysis);
+    if (!valve_alone.empty()) {
+      const auto by_level = figures_by_level(valve_alone, *runs, analysis.baseline, analysis.simulation.window);
+      analysis.classification.without_stand_causes = classified(by_level).verdict;
+    }
+  }
   analysis.frequency_response = analyze_frequency(recordings);
   analysis.simulation.cross_domain_rmse = cross_domain_rmse(recordings, analysis.frequency_response);
   analysis.simulated = std::move(runs->baseline);
   analysis.extended = std::move(runs->extended);
-  if (analysis.baseline.kind == BaselineKind::kSelf) diagnose_self(recordings, analysis);
+  if (analysis.baseline.kind != BaselineKind::kReference) diagnose_self(recordings, analysis);
   if (analysis.extended.empty()) analysis.extended_model = analysis.baseline.model;
   return analysis;
 }

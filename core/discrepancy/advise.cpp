@@ -5,6 +5,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <set>
 
 #include "core/mechanisms/simulate_extended.h"
@@ -236,9 +237,7 @@ NextTest told(const Play& play, const Worth& worth, std::span<const Alternative*
   return next;
 }
 
-}  // namespace
-
-std::optional<NextTest> advise_next_test(std::span<const Alternative> alternatives, const AdviceOptions& options) {
+std::vector<const Alternative*> most_probable(std::span<const Alternative> alternatives) {
   std::vector<const Alternative*> rivals;
   for (const Alternative& alternative : alternatives) {
     if (alternative.probability > 0) rivals.push_back(&alternative);
@@ -246,6 +245,22 @@ std::optional<NextTest> advise_next_test(std::span<const Alternative> alternativ
   std::stable_sort(rivals.begin(), rivals.end(),
                    [](const Alternative* a, const Alternative* b) { return a->probability > b->probability; });
   if (rivals.size() > kMostAlternatives) rivals.resize(kMostAlternatives);
+  return rivals;
+}
+
+}  // namespace
+
+double chance_to_settle(std::span<const Alternative> alternatives, std::vector<double> input,
+                        const AdviceOptions& options) {
+  const std::vector<const Alternative*> rivals = most_probable(alternatives);
+  const double unknown = std::numeric_limits<double>::quiet_NaN();
+  if (rivals.size() < 2 || !(options.noise_rms > 0)) return unknown;
+  const auto worth = worth_of(rivals, {.name = {}, .input = std::move(input)}, options);
+  return worth ? worth->expected : unknown;
+}
+
+std::optional<NextTest> advise_next_test(std::span<const Alternative> alternatives, const AdviceOptions& options) {
+  const std::vector<const Alternative*> rivals = most_probable(alternatives);
   if (rivals.size() < 2 || !(options.input_high > options.input_low) || !(options.noise_rms > 0)) return std::nullopt;
 
   const std::vector<Play> plays = repertoire(options);

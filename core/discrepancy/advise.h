@@ -47,4 +47,11 @@ struct AdviceOptions {
 /// Cost     tests × alternatives × (1 + parameters) simulations of 1,000 to 8,000 samples; deterministic
 std::optional<NextTest> advise_next_test(std::span<const Alternative> alternatives, const AdviceOptions& options);
 
+/// The chance that one given test settles the question, weighed as advise_next_test weighs its own; NaN for fewer than
+/// two alternatives that can be simulated.
+///
+/// input  one value per sample, unit of the input
+double chance_to_settle(std::span<const Alternative> alternatives, std::vector<double> input,
+                        const AdviceOptions& options);
+
 }  // namespace valvetriage

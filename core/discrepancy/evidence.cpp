@@ -135,12 +135,16 @@ std::vector<LeftoverGroup> leftover_groups(const LinearisedValve& fit, double ou
   }
   std::vector<LeftoverGroup> groups;
   for (std::size_t g = 0; g < squares.size(); ++g) {
-    LeftoverGroup group{.group = kNames[g], .log_ratio = std::numeric_limits<double>::quiet_NaN(), .blocks = blocks[g]};
+    LeftoverGroup group{.group = kNames[g], .log_ratio = std::numeric_limits<double>::quiet_NaN()};
+    group.blocks = blocks[g];
     if (blocks[g] >= kFewestBlocks) group.log_ratio = std::log(std::max(squares[g], 1e-12) / std::max(fast[g], 1e-12));
     groups.push_back(std::move(group));
   }
   const double base = std::max(groups.front().log_ratio, 0.0);  // NaN: 0
-  for (LeftoverGroup& group : groups) group.log_ratio -= base;
+  for (LeftoverGroup& group : groups) {
+    group.own_log_ratio = group.log_ratio;
+    group.log_ratio -= base;
+  }
   return groups;
 }
 

@@ -67,6 +67,7 @@ double size_p_value(double size_from_none, double mean_from_none, double sd, dou
 struct LeftoverGroup {
   std::string group;
   double log_ratio = 0;
+  double own_log_ratio = 0;  ///< before that of the lowest level at rest is taken off: 0 in white noise
   int blocks = 0;
 };
 std::vector<LeftoverGroup> leftover_groups(const LinearisedValve& fit, double output_range);

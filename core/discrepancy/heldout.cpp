@@ -2,9 +2,14 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <random>
+#include <set>
+
+#include "core/discrepancy/black_box.h"
 
 namespace valvetriage {
 namespace {
@@ -58,19 +63,24 @@ class Refit {
     VectorXd v;
     double cost = 0;  ///< of the samples that were kept
   };
-  Without without(const Fold& fold) const {
+  Without without(std::span<const Fold> folds) const {
     const ValveFitProblem& problem = *explanation_.problem;
     ValveFitProblem::Normal left_out = empty();
-    problem.accumulate(rows_[fold.recording], fold.first, fold.count, fold.recording, left_out);
+    for (const Fold& fold : folds) {
+      problem.accumulate(rows_[fold.recording], fold.first, fold.count, fold.recording, left_out);
+    }
     MatrixXd a = normal_.a - left_out.a;
     const VectorXd b = normal_.b - left_out.b;
     // A recording left out whole keeps the initial state that its own first samples gave.
     a.diagonal().array() += 1e-9 * normal_.a.diagonal().array() + 1e-12 * normal_.a.diagonal().maxCoeff();
     VectorXd step = a.ldlt().solve(b);
-    const bool whole = fold.count == rows_[fold.recording].error.size();
-    if (whole) step.segment(problem.own_at(fold.recording), problem.own()).setZero();
-    const auto errors = rows_[fold.recording].error.segment(fold.first, fold.count);
-    const double kept = explanation_.cost - static_cast<double>(problem.stride()) * errors.squaredNorm() - b.dot(step);
+    double squares = 0;
+    for (const Fold& fold : folds) {
+      const bool whole = fold.count == rows_[fold.recording].error.size();
+      if (whole) step.segment(problem.own_at(fold.recording), problem.own()).setZero();
+      squares += rows_[fold.recording].error.segment(fold.first, fold.count).squaredNorm();
+    }
+    const double kept = explanation_.cost - static_cast<double>(problem.stride()) * squares - b.dot(step);
     return {problem.clamped(explanation_.v + step), kept};
   }
 
@@ -85,18 +95,156 @@ class Refit {
   ValveFitProblem::Normal normal_;
 };
 
-/// Sum of squared errors of a vector on a fold.
-double squares_on(const ValveFitProblem& problem, const VectorXd& v, const Fold& fold,
-                  const ValveFitProblem::Rows& rows) {
+/// Measured − simulated of a vector on a fold.
+VectorXd errors_on(const ValveFitProblem& problem, const VectorXd& v, const Fold& fold,
+                   const ValveFitProblem::Rows& rows) {
   const std::vector<double> simulated = problem.simulate(v, fold.recording);
   const Recording& recording = problem.recording(fold.recording);
-  double squares = 0;
-  for (Index i = fold.first; i < fold.first + fold.count; ++i) {
-    const std::size_t at = rows.sample[static_cast<std::size_t>(i)];
-    const double e = recording.output.values[at] - simulated[at];
-    squares += e * e;
+  VectorXd errors(fold.count);
+  for (Index i = 0; i < fold.count; ++i) {
+    const std::size_t at = rows.sample[static_cast<std::size_t>(fold.first + i)];
+    errors(i) = recording.output.values[at] - simulated[at];
   }
-  return squares;
+  return errors;
+}
+
+/// Squared errors of baseline and explanation on folds that took no part in either's fit.
+struct Compared {
+  VectorXd baseline;  ///< errors of the baseline, fold after fold
+  double extended = 0;
+};
+
+Compared compare(const Explanation& baseline, const Explanation& extended, const Refit& before, const Refit& after,
+                 std::span<const Fold> folds) {
+  const Refit::Without plain = before.without(folds), rich = after.without(folds);
+  const bool pays = !extended.laws.empty() && rich.cost < plain.cost;
+  Compared compared;
+  for (const Fold& fold : folds) {
+    const ValveFitProblem::Rows& rows = before.rows()[fold.recording];
+    const VectorXd errors = errors_on(*baseline.problem, plain.v, fold, rows);
+    compared.baseline.conservativeResize(compared.baseline.size() + errors.size());
+    compared.baseline.tail(errors.size()) = errors;
+    compared.extended += pays ? errors_on(*extended.problem, rich.v, fold, rows).squaredNorm() : errors.squaredNorm();
+  }
+  return compared;
+}
+
+constexpr std::array<double, 2> kBoxLags_s{0.03, 0.3};
+constexpr std::array<double, 2> kBoxPlays{0.01, 0.04};  // half widths, of the input's range
+constexpr std::array<double, 3> kBoxRidges{1e-7, 1e-4, 1e-2};
+constexpr Index kBoxRows = 4000;
+
+/// What remembers the input in one recording: the simulated output, how far it is from two lags of itself, two plays of
+/// the input, the time. One row per row of the linearisation, each column about one in size.
+MatrixXd box_states(const Explanation& baseline, std::size_t r, const ValveFitProblem::Rows& rows) {
+  const ValveFitProblem& problem = *baseline.problem;
+  const Recording& recording = problem.recording(r);
+  const std::vector<double> y = problem.simulate(baseline.v, r);
+  const std::vector<double>& u = recording.input.values;
+  const double output = baseline.options->reference_psi;
+  const double low = baseline.options->knots.front(), range = baseline.options->knots.back() - low;
+  std::array<double, kBoxLags_s.size()> lagged;
+  lagged.fill(y.front());
+  std::array<double, kBoxPlays.size()> played;
+  played.fill(u.front());
+  MatrixXd states(rows.error.size(), 2 + static_cast<Index>(kBoxLags_s.size() + kBoxPlays.size()));
+  std::size_t row = 0;
+  for (std::size_t i = 0; i < y.size() && row < rows.sample.size(); ++i) {
+    for (std::size_t k = 0; k < lagged.size(); ++k) {
+      lagged[k] += (y[i] - lagged[k]) * -std::expm1(-recording.sample_period_s / kBoxLags_s[k]);
+    }
+    for (std::size_t k = 0; k < played.size(); ++k) {
+      played[k] = std::clamp(played[k], u[i] - kBoxPlays[k] * range, u[i] + kBoxPlays[k] * range);
+    }
+    if (rows.sample[row] != i) continue;
+    const auto at = static_cast<Index>(row++);
+    Index column = 0;
+    states(at, column++) = y[i] / output - 1;
+    for (const double slow : lagged) states(at, column++) = (y[i] - slow) / output;
+    for (std::size_t k = 0; k < played.size(); ++k) {
+      states(at, column++) = (u[i] - played[k]) / (kBoxPlays[k] * range);
+    }
+    states(at, column) = static_cast<double>(i) / static_cast<double>(y.size()) - 0.5;
+  }
+  return states;
+}
+
+/// Squared errors of the black box on each fold in turn, the best of a few strengths of its ridge.
+double black_box_squares(const Explanation& baseline, const Refit& before, const std::vector<Fold>& folds,
+                         const std::vector<VectorXd>& errors) {
+  std::vector<MatrixXd> terms;
+  Index total = 0;
+  for (std::size_t r = 0; r < before.rows().size(); ++r) {
+    terms.push_back(polynomials(box_states(baseline, r, before.rows()[r])));
+    total += terms.back().rows();
+  }
+  const Index step = std::max<Index>(1, total / kBoxRows);
+  const Index width = terms.front().cols();
+  struct Normal {
+    MatrixXd square;
+    VectorXd right;
+  };
+  const auto normal_of = [&](const Fold& part) {
+    Normal normal{MatrixXd::Zero(width, width), VectorXd::Zero(width)};
+    const double whiten = std::sqrt(baseline.problem->inverse_variance(part.recording));
+    const MatrixXd& own = terms[part.recording];
+    const VectorXd& error = before.rows()[part.recording].error;
+    const Index count = (part.count + step - 1) / step;
+    MatrixXd thinned(count, width);
+    VectorXd residual(count);
+    for (Index i = 0; i < count; ++i) {
+      thinned.row(i) = own.row(part.first + i * step);
+      residual(i) = error(part.first + i * step) / whiten;
+    }
+    normal.square.noalias() = thinned.transpose() * thinned;
+    normal.right.noalias() = thinned.transpose() * residual;
+    return normal;
+  };
+  Normal all{MatrixXd::Zero(width, width), VectorXd::Zero(width)};
+  for (std::size_t r = 0; r < terms.size(); ++r) {
+    const Normal own = normal_of({r, 0, terms[r].rows()});
+    all.square += own.square;
+    all.right += own.right;
+  }
+  std::array<double, kBoxRidges.size()> squares{};
+  for (std::size_t f = 0; f < folds.size(); ++f) {
+    const Normal own = normal_of(folds[f]);
+    const MatrixXd square = all.square - own.square;
+    const VectorXd right = all.right - own.right;
+    for (std::size_t k = 0; k < kBoxRidges.size(); ++k) {
+      const VectorXd weights = ridge(square, right, kBoxRidges[k]);
+      const auto held_out = terms[folds[f].recording].middleRows(folds[f].first, folds[f].count);
+      squares[k] += (errors[f] - held_out * weights).squaredNorm();
+    }
+  }
+  return *std::min_element(squares.begin(), squares.end());
+}
+
+/// Gain on each kind of test, fitted on the others.
+std::vector<Transfer> transfers(const Explanation& baseline, const Explanation& extended, const Refit& before,
+                                const Refit& after, const std::vector<Fold>& whole) {
+  std::vector<Transfer> transfers;
+  if (extended.laws.empty()) return transfers;
+  std::set<TestKind> kinds;
+  for (std::size_t r = 0; r < whole.size(); ++r) kinds.insert(baseline.problem->recording(r).test);
+  if (kinds.size() < 2) return transfers;
+  for (const TestKind kind : kinds) {
+    std::vector<Fold> left_out;
+    std::set<std::string> others;
+    for (const Fold& fold : whole) {
+      const TestKind own = baseline.problem->recording(fold.recording).test;
+      if (own == kind) left_out.push_back(fold);
+      if (own != kind) others.insert(std::string(to_string(own)));
+    }
+    const Compared compared = compare(baseline, extended, before, after, left_out);
+    const auto samples = static_cast<double>(compared.baseline.size());
+    Transfer transfer{.to = std::string(to_string(kind))};
+    for (const std::string& other : others) transfer.from += (transfer.from.empty() ? "" : ", ") + other;
+    transfer.rmse_baseline = std::sqrt(compared.baseline.squaredNorm() / samples);
+    transfer.rmse_extended = std::sqrt(compared.extended / samples);
+    transfers.push_back(std::move(transfer));
+  }
+  return transfers;
 }
 
 struct FoldScore {
@@ -131,34 +279,34 @@ DiscrepancyGain measure_gain(const Explanation& baseline, const Explanation& ext
                                   [](const LawFit& law) { return law.law.recording || law.law.own() > 0; });
   const Refit before(baseline), after(extended);
   const bool whole = !in_one && before.rows().size() >= kFewestRecordings;
+  const std::vector<Fold> folds = folds_of(before.rows(), whole);
   std::vector<FoldScore> scores;
+  std::vector<VectorXd> errors;
   double floor = 0, samples = 0;
-  for (const Fold& fold : folds_of(before.rows(), whole)) {
-    const Refit::Without plain = before.without(fold), rich = after.without(fold);
-    const ValveFitProblem::Rows& rows = before.rows()[fold.recording];
-    FoldScore score{.samples = static_cast<double>(fold.count)};
-    score.baseline = squares_on(*baseline.problem, plain.v, fold, rows);
-    const bool pays = !extended.laws.empty() && rich.cost < plain.cost;
-    score.extended = pays ? squares_on(*extended.problem, rich.v, fold, rows) : score.baseline;
-    floor += score.samples / baseline.problem->inverse_variance(fold.recording);
-    samples += score.samples;
-    scores.push_back(score);
+  for (const Fold& fold : folds) {
+    Compared compared = compare(baseline, extended, before, after, std::span(&fold, 1));
+    scores.push_back({compared.baseline.squaredNorm(), compared.extended, static_cast<double>(fold.count)});
+    errors.push_back(std::move(compared.baseline));
+    floor += scores.back().samples / baseline.problem->inverse_variance(fold.recording);
+    samples += scores.back().samples;
   }
   DiscrepancyGain gain{.heldout = whole ? "each recording in turn" : "each later quarter of a recording in turn",
                        .rmse_black_box = std::numeric_limits<double>::quiet_NaN()};
   if (scores.empty() || samples == 0) return gain;
   std::vector<std::size_t> all(scores.size());
+  std::iota(all.begin(), all.end(), 0);
   double squares_baseline = 0, squares_extended = 0;
-  for (std::size_t i = 0; i < scores.size(); ++i) {
-    all[i] = i;
-    squares_baseline += scores[i].baseline;
-    squares_extended += scores[i].extended;
+  for (const FoldScore& score : scores) {
+    squares_baseline += score.baseline;
+    squares_extended += score.extended;
   }
   gain.rmse_baseline = std::sqrt(squares_baseline / samples);
   gain.rmse_extended = std::sqrt(squares_extended / samples);
+  gain.rmse_black_box = std::sqrt(black_box_squares(baseline, before, folds, errors) / samples);
   gain.noise_floor = std::sqrt(floor / samples);
   gain.reduction = reduction_of(scores, all);
   gain.reduction_ci95 = bootstrap_interval(scores);
+  if (whole) gain.transfer = transfers(baseline, extended, before, after, folds);
   return gain;
 }
 

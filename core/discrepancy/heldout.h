@@ -12,6 +12,12 @@ namespace valvetriage {
 /// equations without the fold's rows), simulated freely on it from its own initial state, and compared. The explanation
 /// is only used where it pays on the samples that were kept: choosing is nested. The interval is of a bootstrap over
 /// blocks, seeded by nothing but the data's size.
+///
+/// rmse_black_box  what a regression of the baseline's residual on polynomials of states that remember the input
+/// reaches
+///                 on the same folds: about what any extension could
+/// transfer        the same for all recordings of one kind of test, fitted on the other kinds; empty where there is one
+///                 kind only or a law acts in one recording alone
 DiscrepancyGain measure_gain(const Explanation& baseline, const Explanation& extended);
 
 }  // namespace valvetriage

@@ -204,10 +204,11 @@ bool descend(Search& search, const LinearisedValve& fit, Point& point, double& d
   return false;
 }
 
-/// The law at no effect.
-LawFit nothing_found(const LinearisedValve& fit, const LawInFit& law, const Search& search) {
+/// The law at no effect; `tried` is where it has one.
+LawFit nothing_found(const LinearisedValve& fit, const LawInFit& law, const Search& search, const Point& tried) {
   LawFit nothing{.law = law,
                  .parameters = std::vector<double>(law.shared() + law.own() * fit.error().size(), 0.0),
+                 .shape = tried.parameters,
                  .freedoms = std::max<Index>(1, search.freedoms()),
                  .baseline = fit.at(),
                  .residual = fit.error(),
@@ -227,7 +228,7 @@ std::optional<LawFit> search_law(const LinearisedValve& fit, const ValveFitOptio
   Search search(fit, options, law);
   std::optional<Point> point = best_start(search, fit, starts);
   if (!point) return std::nullopt;
-  if (point->promise < worthwhile) return nothing_found(fit, law, search);
+  if (point->promise < worthwhile) return nothing_found(fit, law, search, *point);
   Point proportional;
   proportional.parameters = search.clamped(scaled(*point, fit, *law.law));
   // An effect that is much too large has to shrink before differences tell anything.
@@ -248,9 +249,10 @@ std::optional<LawFit> search_law(const LinearisedValve& fit, const ValveFitOptio
     const double before = point->cost;
     if (!descend(search, fit, *point, damping) || before - point->cost < kSmallestGain) break;
   }
-  if (!(point->cost < 0)) return nothing_found(fit, law, search);
+  if (!(point->cost < 0)) return nothing_found(fit, law, search, *point);
   LawFit found{.law = law,
                .parameters = point->parameters,
+               .shape = point->parameters,
                .reduction = std::max(0.0, -point->cost),
                .freedoms = std::max<Index>(1, search.freedoms()),
                .baseline = fit.at() + fit.shift_without(point->effect),
@@ -273,6 +275,51 @@ std::optional<LawFit> search_law(const LinearisedValve& fit, const ValveFitOptio
   }
   found.simulations = search.simulations();
   return found;
+}
+
+std::optional<double> upper_limit95(const LinearisedValve& fit, const ValveFitOptions& options, const LawFit& law,
+                                    double inflation, double size_sd) {
+  constexpr double kOneSided95 = 1.645;
+  constexpr int kMostTrials = 6;
+  const Mechanism& mechanism = *law.law.law;
+  const std::size_t at = mechanism.size_parameter;
+  if (at >= law.shape.size()) return std::nullopt;
+  Search search(fit, options, law.law);
+  const bool has_neutral = std::isfinite(mechanism.neutral);
+  // Sizes by their share of the shape's: none at 0.
+  const auto size_of = [&](double share) {
+    return has_neutral ? mechanism.neutral + share * (law.shape[at] - mechanism.neutral) : law.shape[at] / share;
+  };
+  const auto effect_of = [&](double share) {
+    std::vector<double> parameters = law.shape;
+    parameters[at] = size_of(share);
+    return search.effect(search.clamped(std::move(parameters)));
+  };
+  const LinearisedValve::Signature shape = effect_of(1);
+  const double power = fit.product(shape, shape);
+  if (!(power > kLeastEffect)) return std::nullopt;
+  const double likeliest = std::max(0.0, fit.against_error(shape) / power);
+  const double least = -likeliest * likeliest * power;
+  const double allowed = kOneSided95 * kOneSided95 * inflation;
+  const auto is_within = [&](double share) {
+    const double size = size_of(share);
+    return size >= law.law.lower[at] && size <= law.law.upper[at];
+  };
+  double limit = likeliest + std::sqrt(allowed / power);
+  double excess = 0;
+  for (int trial = 0; trial < kMostTrials; ++trial) {
+    if (!is_within(limit)) return std::nullopt;
+    excess = fit.cost_without(effect_of(limit)) - least;
+    if (excess >= allowed && excess <= 2 * allowed) break;
+    // The excess grows with the square of the way, or slower while the law does not act yet.
+    const double way = (limit - likeliest) * std::sqrt(1.2 * allowed / std::max(excess, 0.1 * allowed));
+    limit = likeliest + way;
+  }
+  if (excess < allowed) return std::nullopt;
+  if (!has_neutral) return size_of(limit);
+  const double unit = law.shape[at] - mechanism.neutral;
+  const double way = std::hypot((limit - likeliest) * unit, kOneSided95 * size_sd);
+  return mechanism.neutral + likeliest * unit + std::copysign(way, unit);
 }
 
 }  // namespace valvetriage

@@ -11,6 +11,7 @@ namespace valvetriage {
 struct LawFit {
   LawInFit law;                     ///< bounds, and where it acts
   std::vector<double> parameters;   ///< shared ones, then each recording's own
+  std::vector<double> shape;        ///< parameters at which the law has an effect, even where none was found
   double reduction = 0;             ///< of the whitened cost, everything the valve can absorb taken off, ≥ 0
   double verified = 0;              ///< the same with the valve's own moves simulated too, ≥ 0
   double consistent_reduction = 0;  ///< consistent_evidence of the forecast
@@ -32,5 +33,14 @@ struct LawFit {
 /// returns   empty where no start has any effect on these recordings: the data do not excite it
 std::optional<LawFit> search_law(const LinearisedValve& fit, const ValveFitOptions& options, const LawInFit& law,
                                  const std::vector<std::vector<double>>& starts, int most_steps, double worthwhile);
+
+/// The size farthest from none that the data do not exclude with 95 %: where the cost, everything the valve can absorb
+/// taken off, is 2.71 tempered noise variances above its least (one-sided; Wilks, Ann. Math. Statist. 9 (1938) 60),
+/// `size_sd` of good valves added in quadrature.
+///
+/// inflation  of the noise by its colour, ≥ 1
+/// returns    empty where no size within the law's bounds is excluded
+std::optional<double> upper_limit95(const LinearisedValve& fit, const ValveFitOptions& options, const LawFit& law,
+                                    double inflation, double size_sd);
 
 }  // namespace valvetriage

@@ -8,6 +8,7 @@
 #include <limits>
 #include <numbers>
 
+#include "core/discrepancy/advise.h"
 #include "core/discrepancy/machine_conclusion.h"
 #include "core/discrepancy/machine_report.h"
 #include "core/mechanisms/mechanism.h"
@@ -272,6 +273,61 @@ std::vector<std::string> trace_of(const MachineSearch& search, const MachineData
   return lines;
 }
 
+/// The input of a planned test, one value per sample.
+std::vector<double> sampled(const MachineTest& test, double period_s) {
+  const auto samples = static_cast<std::size_t>(test.time_s.back() / period_s) + 1;
+  std::vector<double> input(samples);
+  for (std::size_t i = 0, k = 0; i < samples; ++i) {
+    const double t = static_cast<double>(i) * period_s;
+    while (k + 2 < test.time_s.size() && test.time_s[k + 1] < t) ++k;
+    const double share = (t - test.time_s[k]) / (test.time_s[k + 1] - test.time_s[k]);
+    input[i] = test.input[k] + share * (test.input[k + 1] - test.input[k]);
+  }
+  return input;
+}
+
+/// The test that would settle what is open, and the chance that it does: the rivals' own models on its input.
+NextTest settling_test(std::span<const Recording> recordings, const MachineSearch& search,
+                       const MachineVerdict& verdict, const Extension& extension, const DiscrepancyGain& gain) {
+  const MachineScore& winner = *verdict.winner;
+  std::vector<std::string> separates;
+  std::vector<Alternative> alternatives;
+  const auto probability_of = [&](const std::string& name) {
+    for (const Candidate& candidate : verdict.candidates) {
+      if (candidate.cause == name) return candidate.probability;
+    }
+    return 0.0;
+  };
+  alternatives.push_back(
+      {winner.name(), std::max(probability_of(winner.name()), 0.01), model_of(recordings, extension, winner), {}});
+  for (std::size_t i = 0; i < verdict.alternatives.size(); ++i) {
+    if (verdict.alternatives[i].empty()) continue;
+    separates.push_back(winner.causes[i]);
+    for (const std::string& rival : verdict.alternatives[i]) {
+      separates.push_back(rival);
+      std::vector<std::string> causes = winner.causes;
+      causes[i] = rival;
+      for (const MachineScore& score : search.scores) {
+        if (score.causes != causes || score.fit.failed) continue;
+        Extension fitted{.fit = score.fit, .data = extension.data};
+        fitted.std_errors.assign(score.fit.free.size(), 0.0);
+        alternatives.push_back(
+            {score.name(), std::max(probability_of(score.name()), 0.01), model_of(recordings, fitted, score), {}});
+        break;
+      }
+    }
+  }
+  MachineTest planned = next_machine_test(recordings, search.ground, separates);
+  const double period_s = recordings.front().sample_period_s;
+  // What the best chain leaves above the noise does not average out.
+  const double bias = std::sqrt(std::max(0.0, std::pow(gain.rmse_extended, 2) - std::pow(gain.noise_floor, 2)));
+  const double chance =
+      chance_to_settle(alternatives, sampled(planned, period_s),
+                       {.noise_rms = gain.noise_floor, .bias_rms = bias, .sample_rate_hz = 1 / period_s});
+  planned.told.expected_probability = std::isfinite(chance) ? chance : 0;
+  return std::move(planned.told);
+}
+
 void say_feedback(Discrepancy& discrepancy) {
   for (Candidate& candidate : discrepancy.candidates) {
     if (candidate.cause == "none" || candidate.cause == "unknown") continue;
@@ -324,13 +380,7 @@ Result<MachineDiagnosis> diagnose_machine(std::span<const Recording> recordings,
     diagnosis.extended.push_back(on_grid(extension, r, recordings[r].samples()));
   }
   if (verdict.conclusion == Conclusion::kAmbiguous) {
-    std::vector<std::string> separates;
-    for (std::size_t i = 0; i < verdict.alternatives.size(); ++i) {
-      if (verdict.alternatives[i].empty()) continue;
-      separates.push_back(verdict.winner->causes[i]);
-      separates.insert(separates.end(), verdict.alternatives[i].begin(), verdict.alternatives[i].end());
-    }
-    discrepancy.next_test = next_machine_test(recordings, search.ground, separates);
+    discrepancy.next_test = settling_test(recordings, search, verdict, extension, gain);
   }
   return diagnosis;
 }

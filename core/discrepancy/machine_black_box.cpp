@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/discrepancy/black_box.h"
 #include "core/discrepancy/machine_search.h"
 
 namespace valvetriage {
@@ -51,31 +52,10 @@ MatrixXd states_of(const MachineRecord& record, const MachineGround& ground, dou
   return states;
 }
 
-/// 1, x_i, x_i x_j and x_i³.
-MatrixXd polynomials(const MatrixXd& states) {
-  const Index n = states.cols();
-  MatrixXd terms(states.rows(), 1 + n + n * (n + 1) / 2 + n);
-  Index at = 0;
-  terms.col(at++).setOnes();
-  for (Index i = 0; i < n; ++i) terms.col(at++) = states.col(i);
-  for (Index i = 0; i < n; ++i) {
-    for (Index j = i; j < n; ++j) terms.col(at++) = states.col(i).cwiseProduct(states.col(j));
-  }
-  for (Index i = 0; i < n; ++i) terms.col(at++) = states.col(i).array().cube();
-  return terms;
-}
-
 std::vector<std::size_t> thinned(const std::vector<std::size_t>& rows, std::size_t step) {
   std::vector<std::size_t> kept;
   for (std::size_t i = 0; i < rows.size(); i += step) kept.push_back(rows[i]);
   return kept;
-}
-
-VectorXd ridge(const MatrixXd& square, const VectorXd& right, double strength) {
-  const VectorXd scale = square.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
-  MatrixXd scaled = scale.asDiagonal() * square * scale.asDiagonal();
-  scaled.diagonal().array() += strength;
-  return scale.cwiseProduct(scaled.ldlt().solve(scale.cwiseProduct(right)));
 }
 
 }  // namespace

@@ -249,6 +249,7 @@ class Refiner {
 
   /// One damped step that lowers the cost; false where none does.
   bool descend(const Normal& normal, double& damping) {
+    if (normal.g.size() == 0) return false;  // a machine without states has no start to refine
     const VectorXd diagonal = normal.a.diagonal();
     const double floor = 1e-12 * std::max(diagonal.maxCoeff(), 1e-300);
     VectorXd scale(diagonal.size());

@@ -372,17 +372,17 @@ std::vector<Finding> residual_findings(const MachineData& data, const MachineSco
   return findings;
 }
 
-NextTest next_machine_test(std::span<const Recording> recordings, const MachineGround& ground,
-                           const std::vector<std::string>& separates) {
+MachineTest next_machine_test(std::span<const Recording> recordings, const MachineGround& ground,
+                              const std::vector<std::string>& separates) {
   constexpr double kFaster = 5;
   constexpr int kCycles = 3;
   const Recording& first = recordings.front();
   const auto [low, high] = std::minmax_element(first.input.values.begin(), first.input.values.end());
   const double duration = static_cast<double>(first.samples()) * first.sample_period_s;
-  NextTest test;
+  MachineTest planned;
+  NextTest& test = planned.told;
   test.test = "triangle";
   test.separates = separates;
-  test.expected_probability = ground.one_rate ? 0.9 : 0.7;
   const double period = ground.one_rate ? duration / kFaster : duration / (2 * kCycles);
   test.why = ground.one_rate
                  ? fmt::format(
@@ -402,9 +402,11 @@ NextTest next_machine_test(std::span<const Recording> recordings, const MachineG
     // Without rates to vary, the amplitude falls from cycle to cycle.
     const double amplitude = ground.one_rate ? 1 : std::pow(0.5, i / kPoints);
     const double u = middle + amplitude * 0.5 * (*high - *low) * shape;
-    test.input_csv += fmt::format("{:.6g},{:.6g}\n", period * i / kPoints, u / scale);
+    planned.time_s.push_back(period * i / kPoints);
+    planned.input.push_back(u);
+    test.input_csv += fmt::format("{:.6g},{:.6g}\n", planned.time_s.back(), u / scale);
   }
-  return test;
+  return planned;
 }
 
 }  // namespace valvetriage

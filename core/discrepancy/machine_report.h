@@ -27,8 +27,13 @@ Machine in_own_units(const MachineData& data, const MachineFit& fit);
 /// What the linear machine's residual depends on, strongest first.
 std::vector<Finding> residual_findings(const MachineData& data, const MachineScore& linear);
 
-/// An input that would tell the alternatives apart.
-NextTest next_machine_test(std::span<const Recording> recordings, const MachineGround& ground,
-                           const std::vector<std::string>& separates);
+/// An input that would tell the alternatives apart, its points joined by straight lines. The chance that it does is
+/// left to whoever can simulate the alternatives.
+struct MachineTest {
+  NextTest told;
+  std::vector<double> time_s, input;  ///< unit of the recordings
+};
+MachineTest next_machine_test(std::span<const Recording> recordings, const MachineGround& ground,
+                              const std::vector<std::string>& separates);
 
 }  // namespace valvetriage

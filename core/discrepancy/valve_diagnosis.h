@@ -17,10 +17,14 @@ struct ValveDiagnosisOptions {
   std::span<const LeftoverOnGoodValves> leftovers;
 };
 
+/// A free run per recording.
+using FreeRunsOf = std::vector<std::vector<double>>;
+
 struct ValveDiagnosis {
   Discrepancy discrepancy;
-  Model extended_model;                       ///< the baseline's where nothing was added
-  std::vector<std::vector<double>> extended;  ///< its free runs
+  Model extended_model;                   ///< the baseline's where nothing was added
+  FreeRunsOf extended;                    ///< its free runs
+  std::vector<FreeRunsOf> without_cause;  ///< by cause: the same without it, nothing else moved
 };
 
 /// Show, name, extend, measure for one valve against the population of good ones.

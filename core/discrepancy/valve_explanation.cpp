@@ -74,23 +74,36 @@ Explanation explain_nothing(std::span<const Recording> recordings, const ValveFi
   return nothing;
 }
 
-Explanation extend(std::span<const Recording>, const Explanation& explanation, const LawFit& law, int most_iterations,
-                   double hopeless) {
+Explanation extend(const Explanation& explanation, const LawFit& law, int most_iterations, double hopeless,
+                   std::span<const JointStart> others) {
   Explanation extended;
   extended.options = std::make_unique<ValveFitOptions>(*explanation.options);
   extended.options->laws.push_back(law.law);
   extended.problem = std::make_unique<ValveFitProblem>(*explanation.problem, *extended.options);
   extended.laws = explanation.laws;
   extended.laws.push_back(law);
+  const ValveFitProblem& problem = *extended.problem;
+  const auto start_at = [&](const VectorXd& baseline, std::span<const double> parameters) {
+    return explanation.problem->continued_in(problem, baseline, parameters);
+  };
   // The linear forecast of where the valve moves may overshoot; the valve where it stood is the other start.
-  const VectorXd moved = explanation.problem->continued_in(*extended.problem, law.baseline, law.parameters);
-  const VectorXd stayed = explanation.problem->continued_in(*extended.problem, explanation.v, law.parameters);
-  const double moved_cost = extended.problem->cost(moved);
-  const bool use_moved = moved_cost < extended.problem->cost(stayed);
-  extended.v = use_moved ? moved : stayed;
+  const VectorXd moved = start_at(law.baseline, law.parameters);
+  const VectorXd stayed = start_at(explanation.v, law.parameters);
+  extended.v = problem.cost(moved) < problem.cost(stayed) ? moved : stayed;
   extended.cost = std::numeric_limits<double>::infinity();
-  for (int done = 0; done < most_iterations; done += kIterationsAtATime) {
-    Descent descent = descend(*extended.problem, extended.v, kIterationsAtATime, kSmallestGain);
+  int done = 0;
+  if (!others.empty()) {
+    Descent best = descend(problem, extended.v, kIterationsAtATime, kSmallestGain);
+    for (const JointStart& other : others) {
+      Descent descent = descend(problem, start_at(other.baseline, other.parameters), kIterationsAtATime, kSmallestGain);
+      if (descent.cost < best.cost) best = std::move(descent);
+    }
+    extended.v = std::move(best.v);
+    extended.cost = best.cost;
+    done = kIterationsAtATime;
+  }
+  for (; done < most_iterations; done += kIterationsAtATime) {
+    Descent descent = descend(problem, extended.v, kIterationsAtATime, kSmallestGain);
     const double gained = extended.cost - descent.cost;
     extended.v = std::move(descent.v);
     extended.cost = descent.cost;
@@ -101,7 +114,7 @@ Explanation extend(std::span<const Recording>, const Explanation& explanation, c
   return extended;
 }
 
-Explanation without(std::span<const Recording>, const Explanation& explanation, std::size_t law, int most_iterations) {
+Explanation without(const Explanation& explanation, std::size_t law, int most_iterations) {
   Explanation less;
   less.options = std::make_unique<ValveFitOptions>(*explanation.options);
   less.options->laws.erase(less.options->laws.begin() + static_cast<std::ptrdiff_t>(law));

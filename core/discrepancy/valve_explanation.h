@@ -26,13 +26,17 @@ struct Explanation {
 
 /// The valve alone. recordings and everything in them must outlive the explanation.
 Explanation explain_nothing(std::span<const Recording> recordings, const ValveFitOptions& options, const ValveFit& fit);
-/// One more law, everything fitted together from where its search ended. A fit that at its pace would not come down to
-/// `hopeless` is ended early.
-Explanation extend(std::span<const Recording> recordings, const Explanation& explanation, const LawFit& law,
-                   int most_iterations, double hopeless);
+/// Where a joint fit may begin.
+struct JointStart {
+  Eigen::VectorXd baseline;        ///< as Explanation::v, without the law
+  std::vector<double> parameters;  ///< of the law, as LawFit's
+};
+/// One more law, everything fitted together from where its search ended, or from another start that is better after a
+/// few iterations. A fit that at its pace would not come down to `hopeless` is ended early.
+Explanation extend(const Explanation& explanation, const LawFit& law, int most_iterations, double hopeless,
+                   std::span<const JointStart> others = {});
 /// One law less, the rest fitted again.
-Explanation without(std::span<const Recording> recordings, const Explanation& explanation, std::size_t law,
-                    int most_iterations);
+Explanation without(const Explanation& explanation, std::size_t law, int most_iterations);
 
 /// What is left, one whitened column per recording.
 Stack whitened_residual(const Explanation& explanation);

@@ -240,6 +240,35 @@ ClassificationResult classification_from_json(JsonFields fields) {
   return result;
 }
 
+using Names = std::vector<std::pair<std::string, std::string>>;
+
+/// Recordings' names with their hashes, longest first: one name may be part of another.
+Names names_in(const Json& recordings) {
+  Names names;
+  for (const Json& recording : recordings) {
+    const std::string name = recording.value("name", "");
+    if (!name.empty()) names.emplace_back(name, recording.value("sha256", ""));
+  }
+  std::stable_sort(names.begin(), names.end(),
+                   [](const auto& a, const auto& b) { return a.first.size() > b.first.size(); });
+  return names;
+}
+
+/// A text that tells where something is speaks of a recording by its name; in a hash it speaks of its bytes.
+void replace_names(const Names& names, Json& value) {
+  if (value.is_structured()) {
+    for (Json& inside : value) replace_names(names, inside);
+    return;
+  }
+  if (!value.is_string()) return;
+  auto& text = value.get_ref<std::string&>();
+  for (const auto& [name, sha256] : names) {
+    for (std::size_t at = text.find(name); at != std::string::npos; at = text.find(name, at + sha256.size())) {
+      text.replace(at, name.size(), sha256);
+    }
+  }
+}
+
 }  // namespace
 
 std::string to_string(BaselineKind kind) {
@@ -255,6 +284,7 @@ std::string to_string(NoVerdict reason) {
 std::string result_sha256(Json document) {
   document.erase("timing_s");
   document.erase("result_sha256");
+  if (document["recordings"].is_array()) replace_names(names_in(document["recordings"]), document);
   for (Json& recording : document["recordings"]) recording.erase("name");
   for (Json& recording : document["simulation"]["per_recording"]) recording.erase("name");
   // A store numbers its references, a file has none: the reference is what its sha256 says, wherever it is kept.

@@ -125,7 +125,7 @@ def analysed(bench, case, recordings, kept):
     if case.plant == "motion":
         options = ["--baseline", "self", "--columns", "time=time_s,input=u,output=y"]
     else:
-        options = ["--reference", bench.reference]
+        options = ["--reference", bench.reference, "--columns", "side=temperature_C,supply_psi"]
     text, seconds = run(bench.valvetriage, "analyze", *sorted(recordings.glob("*.csv")), *options, "--json")
     analysis = json.loads(text)
     kept.write_text(json.dumps({"seconds": seconds, "analysis": analysis}))

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <numbers>
 
 #include "core/analysis/learn_reference.h"
 #include "tests/unit/identify/valves.h"
@@ -78,6 +79,34 @@ TEST(Analyze, ASlowValveIsJudgedAgainstThePopulationAndNotAgainstItself) {
   EXPECT_EQ(analysis.classification.action, "reject");
   const LevelFigures& level = analysis.simulation.by_level[1];
   EXPECT_GT(*level.error_eq20, 10 * *level.error_eq20_own);
+}
+
+TEST(Analyze, WhatTheStandDidIsNamedMeasuredAndTakenOffTheVerdict) {
+  constexpr double kAmplitude_psi = 8, kFrequency_hz = 3.3;
+  auto session = test::session({}, kNoise_psi, 900);
+  for (Recording& recording : session) {
+    for (std::size_t i = 0; i < recording.samples(); ++i) {
+      const double t = static_cast<double>(i) * recording.sample_period_s;
+      recording.output.values[i] += kAmplitude_psi * std::sin(2 * std::numbers::pi * kFrequency_hz * t);
+    }
+  }
+  const auto analysis = analysed(session, {.reference = reference(), .rule_base = rule_base()});
+  ASSERT_TRUE(analysis.discrepancy);
+  ASSERT_EQ(analysis.discrepancy->causes.size(), 1u);
+  const NamedCause& named = analysis.discrepancy->causes.front();
+  EXPECT_EQ(named.cause, "periodic_disturbance");
+  EXPECT_TRUE(named.alternatives.empty()) << named.alternatives.front();
+  // Eq 20 of a sine: 400 samples over two seconds.
+  ASSERT_TRUE(named.error_eq20_caused.contains("1.4"));
+  EXPECT_NEAR(named.error_eq20_caused.at("1.4"), 10 * kAmplitude_psi / std::numbers::sqrt2, 3);
+  EXPECT_EQ(analysis.classification.verdict, "Malfunctioned");
+  EXPECT_EQ(analysis.classification.without_stand_causes, "Good");
+}
+
+TEST(Analyze, WhatTheValveDidStaysInTheVerdictWithoutTheStand) {
+  const auto analysis =
+      analysed(test::session(slow_valve(), kNoise_psi, 900), {.reference = reference(), .rule_base = rule_base()});
+  EXPECT_EQ(analysis.classification.without_stand_causes, analysis.classification.verdict);
 }
 
 TEST(Analyze, TheOrderOfTheRecordingsDoesNotChangeTheVerdictsFigures) {

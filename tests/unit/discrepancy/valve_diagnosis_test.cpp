@@ -94,8 +94,10 @@ TEST(ValveDiagnosis, ALineThatOnlyTheLogOfTheInputHasIsNoDisturbance) {
   EXPECT_EQ(found.conclusion, Conclusion::kNone) << (found.causes.empty() ? "" : found.causes.front().cause);
   ASSERT_FALSE(found.findings.empty());
   EXPECT_EQ(found.findings.front().where, "input");
-  EXPECT_NE(found.findings.front().what.find("a line of 1.7 Hz and 0.002"), std::string::npos)
-      << found.findings.front().what;
+  const std::string& what = found.findings.front().what;
+  const std::string before = "a line of 1.7 Hz and ";
+  ASSERT_EQ(what.find(before), 0u) << what;
+  EXPECT_NEAR(std::stod(what.substr(before.size())), 0.002, 0.0004) << what;
 }
 
 class ValveDiagnosisOf : public testing::TestWithParam<MechanismUse> {};
@@ -114,6 +116,12 @@ TEST_P(ValveDiagnosisOf, NamesTheCauseThatWasPutIn) {
   EXPECT_GT(diagnosis.discrepancy.gain.reduction, 0);
   ASSERT_EQ(diagnosis.extended_model.mechanisms.size(), 1u);
   EXPECT_EQ(diagnosis.extended_model.mechanisms.front().cause, named.cause);
+  const DiscrepancyGain& gain = diagnosis.discrepancy.gain;
+  EXPECT_EQ(named.rmse_after, gain.rmse_extended);
+  EXPECT_GE(gain.rmse_black_box, 0.9 * gain.noise_floor);  // no regression explains noise that it has not seen
+  if (diagnosis.discrepancy.conclusion == Conclusion::kAmbiguous) {
+    EXPECT_TRUE(diagnosis.discrepancy.next_test);
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(Causes, ValveDiagnosisOf,
@@ -121,8 +129,59 @@ INSTANTIATE_TEST_SUITE_P(Causes, ValveDiagnosisOf,
                                          MechanismUse{.cause = "sensor_offset", .parameters = {6}},
                                          MechanismUse{.cause = "gain_loss", .parameters = {0.85}},
                                          MechanismUse{.cause = "saturation", .parameters = {120, -INFINITY}},
-                                         MechanismUse{.cause = "extra_lag", .parameters = {0.03}}),
+                                         MechanismUse{.cause = "extra_lag", .parameters = {0.03}},
+                                         MechanismUse{.cause = "transport_delay", .parameters = {0.009}},
+                                         MechanismUse{.cause = "leakage", .parameters = {0.14}}),
                          [](const auto& tried) { return tried.param.cause; });
+
+const Candidate& candidate(const Discrepancy& discrepancy, const std::string& cause) {
+  const auto& list = discrepancy.candidates;
+  return *std::find_if(list.begin(), list.end(), [&](const Candidate& c) { return c.cause == cause; });
+}
+
+TEST(ValveDiagnosis, ASizeThatIsExcludedWouldHaveBeenFound) {
+  const test::MadeValve valve;
+  const auto healthy = test::session(valve, kNoise_psi, 3);
+  const Population population(healthy, valve);
+  const Discrepancy none = diagnosed(healthy, population).discrepancy;
+  ASSERT_EQ(none.conclusion, Conclusion::kNone);
+  for (const auto& [cause, parameter] : {std::pair("sensor_offset", "offset_psi"), {"gain_loss", "ratio"}}) {
+    const auto& limits = candidate(none, cause).upper_limit95;
+    ASSERT_TRUE(limits.contains(parameter)) << cause;
+    // Five standard errors are a name; a limit is 1.6 of them from the likeliest size.
+    const double neutral = find_mechanism(cause)->neutral;
+    const double excluded = neutral + 5 * (limits.at(parameter) - neutral);
+    const auto spoiled = with_cause(healthy, population.model(valve), {.cause = cause, .parameters = {excluded}});
+    const Discrepancy found = diagnosed(spoiled, population).discrepancy;
+    ASSERT_FALSE(found.causes.empty()) << cause << ' ' << excluded;
+    EXPECT_TRUE(candidate(found, found.causes.front().cause).upper_limit95.empty());  // what is in has no limit
+  }
+}
+
+TEST(ValveDiagnosis, TheGainCarriesOverToAKindOfTestThatWasNotFitted) {
+  const test::MadeValve valve;
+  const auto healthy = test::session(valve, kNoise_psi, 9);
+  const Population population(healthy, valve);
+  const auto spoiled = with_cause(healthy, population.model(valve), {.cause = "sensor_offset", .parameters = {6}});
+  const Discrepancy found = diagnosed(spoiled, population).discrepancy;
+  ASSERT_FALSE(found.gain.transfer.empty());
+  for (const Transfer& transfer : found.gain.transfer) {
+    EXPECT_NE(transfer.from.find(transfer.to), 0u);
+    EXPECT_LE(transfer.rmse_extended, 1.01 * transfer.rmse_baseline) << transfer.to;
+  }
+}
+
+TEST(ValveDiagnosis, WithoutItsCauseTheExtendedModelIsOffByTheCause) {
+  const test::MadeValve valve;
+  const auto healthy = test::session(valve, kNoise_psi, 9);
+  const Population population(healthy, valve);
+  const auto spoiled = with_cause(healthy, population.model(valve), {.cause = "sensor_offset", .parameters = {6}});
+  const ValveDiagnosis diagnosis = diagnosed(spoiled, population);
+  ASSERT_EQ(diagnosis.discrepancy.causes.size(), 1u);
+  ASSERT_EQ(diagnosis.without_cause.size(), 1u);
+  const double offset = diagnosis.discrepancy.causes.front().parameters.front().second.value;
+  EXPECT_NEAR(diagnosis.extended[0][100] - diagnosis.without_cause[0][0][100], offset, 1e-9);
+}
 
 TEST(ValveDiagnosis, EqualRecordingsGiveEqualBits) {
   const test::MadeValve valve;

@@ -1,0 +1,356 @@
+#include "core/discrepancy/valve_conclusion.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <boost/math/distributions/students_t.hpp>
+#include <cmath>
+#include <limits>
+
+#include "core/discrepancy/advise.h"
+#include "core/discrepancy/evidence.h"
+#include "core/discrepancy/heldout.h"
+
+namespace valvetriage {
+namespace {
+
+constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+constexpr double kSettled = 0.95;
+// An alternative below this probability is not worth a reader's time.
+constexpr double kWorthNaming = 0.03;
+// An extension that leaves more than this share of what was there does not explain it.
+constexpr double kMostLeft = 0.25;
+// A residual at rest this many deviations slower than white noise is not white.
+constexpr double kWhiteAtRest = 5;
+// Of a name whose extension leaves too much: as likely as not.
+constexpr double kUnexplainedName = 0.5;
+constexpr double kTwoSided95 = 1.96;
+constexpr int kRefitSteps = 12;
+
+/// What is left beside an explanation, against good valves.
+struct Leftover {
+  double p_value = 1;             ///< in a good valve, over all groups of samples
+  double at_rest_deviations = 0;  ///< of the slowness at rest at the lowest level from that of white noise
+  std::vector<Finding> findings;
+};
+
+Leftover leftover_of(const LinearisedValve& linear, const ValveDiagnosisOptions& options) {
+  Leftover leftover;
+  double smallest = 1;
+  int groups = 0;
+  const std::vector<LeftoverGroup> all_groups = leftover_groups(linear, 2 * options.fit.reference_psi);
+  if (std::isfinite(all_groups.front().own_log_ratio)) {
+    leftover.at_rest_deviations = all_groups.front().own_log_ratio / std::sqrt(2.0 / all_groups.front().blocks);
+  }
+  for (const LeftoverGroup& group : all_groups) {
+    const auto good = std::find_if(options.leftovers.begin(), options.leftovers.end(),
+                                   [&](const LeftoverOnGoodValves& g) { return g.group == group.group; });
+    if (!std::isfinite(group.log_ratio) || good == options.leftovers.end() || options.good_valves < 2) continue;
+    ++groups;
+    // ln of a mean of n squares scatters by √(2/n) in itself.
+    const double own = std::sqrt(2.0 / group.blocks);
+    const double sd = std::sqrt((good->sd * good->sd + own * own) * (1 + 1.0 / options.good_valves));
+    const double t = (group.log_ratio - good->mean) / sd;
+    const boost::math::students_t student(options.good_valves - 1 + 0.5 * group.blocks * 0.1);
+    const double p = boost::math::cdf(boost::math::complement(student, t));
+    if (p < 0.01) {
+      leftover.findings.push_back({.what = "more slow residual than any good valve leaves",
+                                   .where = group.group,
+                                   .statistic = t,
+                                   .p_value = p,
+                                   .share_of_structured_residual = kUnknown});
+    }
+    smallest = std::min(smallest, p);
+  }
+  leftover.p_value = groups > 0 ? std::min(1.0, smallest * groups) : 1;
+  return leftover;
+}
+
+/// What the residual of the baseline depends on.
+std::vector<Finding> dependences(const Explanation& baseline) {
+  std::vector<std::vector<double>> residuals;
+  const ValveFitProblem& problem = *baseline.problem;
+  for (std::size_t r = 0; r < problem.recordings(); ++r) {
+    residuals.push_back(problem.simulate(baseline.v, r));
+    const std::vector<double>& measured = problem.recording(r).output.values;
+    for (std::size_t i = 0; i < measured.size(); ++i) residuals.back()[i] = measured[i] - residuals.back()[i];
+  }
+  std::vector<ResidualView> views;
+  for (std::size_t r = 0; r < residuals.size(); ++r) {
+    views.push_back({&problem.recording(r), residuals[r], 1 / std::sqrt(problem.inverse_variance(r))});
+  }
+  return find_dependences(views);
+}
+
+double family_probability(const std::vector<Ranked>& ranked, std::string_view family) {
+  double sum = 0;
+  for (const Ranked& r : ranked) {
+    const Mechanism* mechanism = find_mechanism(r.cause);
+    if (mechanism && mechanism->family == family) sum += r.probability;
+  }
+  return sum;
+}
+
+void add_parameters(const Explanation& explanation, std::size_t l, std::span<const double> errors,
+                    const CauseOnGoodValves* good, NamedCause& named) {
+  const Mechanism& law = *explanation.laws[l].law.law;
+  const std::vector<double> values = explanation.problem->law_parameters(explanation.v, l, 0);
+  for (std::size_t j = 0; j < law.parameters.size(); ++j) {
+    ParameterEstimate estimate{.value = values[j], .std_error = errors[j], .unit = std::string(law.parameters[j].unit)};
+    estimate.ci95 = {estimate.value - kTwoSided95 * estimate.std_error,
+                     estimate.value + kTwoSided95 * estimate.std_error};
+    const bool is_size = good && j == law.size_parameter;
+    estimate.population_mean = is_size ? good->size_mean : kUnknown;
+    estimate.population_sd = is_size ? good->size_sd : kUnknown;
+    if (is_size) {
+      const double spread = std::hypot(good->size_sd, estimate.std_error);
+      named.severity_in_population_sd = spread > 0 ? std::abs(estimate.value - good->size_mean) / spread : 0;
+    }
+    named.parameters.emplace_back(std::string(law.parameters[j].name), estimate);
+  }
+}
+
+NamedCause named_cause(const SearchedValve& searched, std::size_t l, bool explained, std::span<const double> errors,
+                       const ValveDiagnosisOptions& options) {
+  const Mechanism& law = *searched.explanation.laws[l].law.law;
+  const WonPlace& place = searched.places[l];
+  NamedCause named{
+      .cause = std::string(law.cause), .family = std::string(law.family), .origin = std::string(law.origin)};
+  named.p_value = place.p_value;
+  named.family_probability = family_probability(place.ranked, law.family);
+  for (const Ranked& r : place.ranked) {
+    if (r.cause == named.cause) {
+      named.probability = r.probability;
+      named.evidence.push_back(
+          fmt::format("lowers the cost by {:.0f} noise variances, {:.0f} of them borne out wherever it acts; in a good "
+                      "valve p {:.2g}",
+                      r.reduction, r.evidence, place.p_value));
+    } else if (r.probability >= kWorthNaming) {
+      named.alternatives.push_back(r.cause);
+    }
+  }
+  if (!explained) named.probability = std::min(named.probability, kUnexplainedName);
+  if (named.probability < kSettled && named.alternatives.empty()) {
+    const auto next =
+        std::find_if(place.ranked.begin(), place.ranked.end(), [&](const Ranked& r) { return r.cause != named.cause; });
+    if (next != place.ranked.end()) named.alternatives.push_back(next->cause);
+  }
+  add_parameters(searched.explanation, l, errors, on_good_valves(options.causes, law.cause), named);
+  return named;
+}
+
+/// The largest size of a law beside the explanation that the data do not exclude, good valves' own spread included.
+std::map<std::string, double> limit_of(const LinearisedValve& linear, const Explanation& explanation,
+                                       const Tested& tested, double inflation, const ValveDiagnosisOptions& options) {
+  const Mechanism& law = *tested.fit.law.law;
+  const bool is_in = std::any_of(explanation.laws.begin(), explanation.laws.end(),
+                                 [&](const LawFit& other) { return other.law.law->family == law.family; });
+  if (is_in || law.size_parameter >= law.parameters.size()) return {};
+  const CauseOnGoodValves* good = on_good_valves(options.causes, law.cause);
+  const auto limit = upper_limit95(linear, *explanation.options, tested.fit, inflation, good ? good->size_sd : 0);
+  if (!limit) return {};
+  return {{std::string(law.parameters[law.size_parameter].name), *limit}};
+}
+
+/// The place whose winner has rivals, for the test that would settle it; the least settled first.
+std::optional<std::size_t> open_place(const std::vector<NamedCause>& causes) {
+  std::optional<std::size_t> open;
+  for (std::size_t l = 0; l < causes.size(); ++l) {
+    if (!causes[l].alternatives.empty() && (!open || causes[l].probability < causes[*open].probability)) open = l;
+  }
+  return open;
+}
+
+Alternative alternative(const Explanation& explanation, std::string cause, double probability, double inflation) {
+  Alternative alternative{.cause = std::move(cause), .probability = probability, .model = explanation.model()};
+  // The gauge comes first among a model's mechanisms and is known.
+  const std::size_t known = alternative.model.mechanisms.size() - explanation.laws.size();
+  for (std::size_t m = 0; m < known; ++m) {
+    alternative.parameter_sd.insert(alternative.parameter_sd.end(), alternative.model.mechanisms[m].parameters.size(),
+                                    0);
+  }
+  const std::vector<double> errors = explanation.standard_errors(inflation);
+  alternative.parameter_sd.insert(alternative.parameter_sd.end(), errors.begin(), errors.end());
+  return alternative;
+}
+
+std::optional<NextTest> next_test(const SearchedValve& searched, const std::vector<NamedCause>& causes,
+                                  double inflation) {
+  const auto open = open_place(causes);
+  if (!open) return std::nullopt;
+  const WonPlace& place = searched.places[*open];
+  const Explanation& explanation = searched.explanation;
+  std::vector<Alternative> alternatives;
+  alternatives.push_back(alternative(explanation, causes[*open].cause, causes[*open].probability, inflation));
+  std::optional<Explanation> others;
+  for (const Ranked& r : place.ranked) {
+    const auto& listed = causes[*open].alternatives;
+    if (std::find(listed.begin(), listed.end(), r.cause) == listed.end()) continue;
+    const double probability = std::max(r.probability, kWorthNaming);
+    const auto fitted = std::find_if(place.rivals.begin(), place.rivals.end(), [&](const Explanation& rival) {
+      return rival.laws.back().law.law->cause == r.cause && rival.laws.size() == explanation.laws.size();
+    });
+    if (fitted != place.rivals.end()) {
+      alternatives.push_back(alternative(*fitted, r.cause, probability, inflation));
+      continue;
+    }
+    const auto tested = std::find_if(searched.first.survey.tested.begin(), searched.first.survey.tested.end(),
+                                     [&](const Tested& t) { return t.cause() == r.cause; });
+    // A search beside the baseline alone knows nothing of further laws.
+    if (tested == searched.first.survey.tested.end() || explanation.laws.size() > 1) continue;
+    if (!others) others = without(explanation, *open, 0);
+    alternatives.push_back(
+        alternative(extend(*others, tested->fit, kRefitSteps, explanation.cost), r.cause, probability, inflation));
+  }
+  const ValveFitProblem& problem = *explanation.problem;
+  AdviceOptions advice{.input_low = std::numeric_limits<double>::infinity(),
+                       .input_high = -std::numeric_limits<double>::infinity()};
+  double variance = 0, samples = 0, period_s = std::numeric_limits<double>::infinity();
+  for (std::size_t r = 0; r < problem.recordings(); ++r) {
+    const Recording& recording = problem.recording(r);
+    const auto [low, high] = std::minmax_element(recording.input.values.begin(), recording.input.values.end());
+    advice.input_low = std::min(advice.input_low, *low);
+    advice.input_high = std::max(advice.input_high, *high);
+    const auto n = static_cast<double>(recording.samples());
+    variance += n / problem.inverse_variance(r);
+    samples += n;
+    period_s = std::min(period_s, recording.sample_period_s);
+  }
+  advice.noise_rms = std::sqrt(variance / samples);
+  // What the best explanation leaves above the noise is the same in every sample of its place.
+  advice.bias_rms = advice.noise_rms * std::sqrt(std::max(0.0, explanation.cost - noise_cost(explanation)) / samples);
+  advice.sample_rate_hz = 1 / period_s;
+  return advise_next_test(alternatives, advice);
+}
+
+/// Free runs of the explanation without each of its laws in turn, nothing else moved.
+std::vector<FreeRunsOf> runs_without(const Explanation& explanation) {
+  std::vector<FreeRunsOf> runs;
+  for (std::size_t l = 0; l < explanation.laws.size(); ++l) {
+    const Explanation others = without(explanation, l, 0);
+    FreeRunsOf run;
+    for (std::size_t r = 0; r < others.problem->recordings(); ++r) run.push_back(others.problem->simulate(others.v, r));
+    runs.push_back(std::move(run));
+  }
+  return runs;
+}
+
+/// Held-out error with and without each cause; of several, the others refitted without it.
+void measure_each(const SearchedValve& searched, Discrepancy& discrepancy) {
+  const Explanation& explanation = searched.explanation;
+  for (std::size_t l = 0; l < discrepancy.causes.size(); ++l) {
+    NamedCause& cause = discrepancy.causes[l];
+    cause.rmse_after = discrepancy.gain.rmse_extended;
+    cause.rmse_before = discrepancy.gain.rmse_baseline;
+    if (explanation.laws.size() < 2) continue;
+    const Explanation others = without(explanation, l, kRefitSteps);
+    cause.rmse_before = measure_gain(searched.baseline, others).rmse_extended;
+  }
+}
+
+std::vector<Candidate> candidates_of(const SearchedValve& searched, const Discrepancy& discrepancy,
+                                     const Leftover& leftover, const LinearisedValve& linear, double inflation,
+                                     const ValveDiagnosisOptions& options) {
+  const bool is_none = discrepancy.conclusion == Conclusion::kNone;
+  const bool is_unknown = discrepancy.conclusion == Conclusion::kUnexplained;
+  const std::size_t laws = searched.explanation.laws.size();
+  const std::vector<Ranked> unranked;
+  const auto& ranked = laws == 0 ? searched.first.ranked : laws == 1 ? searched.places.front().ranked : unranked;
+  std::vector<Candidate> candidates;
+  candidates.push_back({.cause = "none",
+                        .probability = is_none ? 1.0 : 0.0,
+                        .rmse_heldout = discrepancy.gain.rmse_baseline,
+                        .reason = is_none ? "nothing beyond what good valves leave"
+                                          : "the simulation leaves more than any good valve would"});
+  for (const Tested& tested : searched.first.survey.tested) {
+    Candidate candidate{.cause = tested.cause(), .rmse_heldout = kUnknown};
+    candidate.reason = fmt::format("evidence {:.1f} of {:.1f} promised, noise alone {:.1f}, in a good valve p {:.2g}",
+                                   tested.evidence, tested.promise, tested.noise_reduction, tested.p_value);
+    if (laws == 1 && candidate.cause == discrepancy.causes.front().cause) {
+      candidate.rmse_heldout = discrepancy.gain.rmse_extended;
+    }
+    for (const Ranked& r : ranked) {
+      if (r.cause != candidate.cause) continue;
+      if (laws == 1 && !is_unknown) candidate.probability = r.probability;
+      if (r.fitted_jointly) {
+        candidate.reason += fmt::format("; {:.1f} of {:.1f} fitted together with the valve, p {:.2g}", r.evidence,
+                                        r.reduction, r.p_value);
+      }
+    }
+    candidate.upper_limit95 = limit_of(linear, searched.explanation, tested, inflation, options);
+    candidates.push_back(std::move(candidate));
+  }
+  if (laws > 1) {
+    Candidate together{.rmse_heldout = discrepancy.gain.rmse_extended, .reason = "each needed beside the others"};
+    for (const NamedCause& cause : discrepancy.causes) {
+      together.cause += (together.cause.empty() ? "" : "+") + cause.cause;
+    }
+    together.probability = is_unknown ? 0 : 1;
+    candidates.push_back(std::move(together));
+  }
+  candidates.push_back({.cause = "unknown",
+                        .probability = is_unknown ? 1.0 : 0.0,
+                        .rmse_heldout = discrepancy.gain.rmse_black_box,
+                        .reason = fmt::format("what is left has p {:.2g} in a good valve", leftover.p_value)});
+  for (const Candidate& candidate : searched.first.survey.untestable) candidates.push_back(candidate);
+  return candidates;
+}
+
+}  // namespace
+
+double noise_cost(const Explanation& explanation) {
+  double samples = 0;
+  for (std::size_t r = 0; r < explanation.problem->recordings(); ++r) {
+    samples += static_cast<double>(explanation.problem->recording(r).samples());
+  }
+  return std::min(samples, explanation.cost);
+}
+
+ValveDiagnosis conclude(const SearchedValve& searched, const ValveDiagnosisOptions& options) {
+  const Explanation& explanation = searched.explanation;
+  ValveDiagnosis diagnosis;
+  Discrepancy& discrepancy = diagnosis.discrepancy;
+  const LinearisedValve linear(*explanation.problem, explanation.v);
+  const double inflation = noise_inflation(whitened_residual(explanation));
+  Leftover leftover = leftover_of(linear, options);
+  const bool is_left = leftover.p_value < kFalseAlarm;
+  const double there = searched.baseline.cost - noise_cost(searched.baseline);
+  const double remains = std::max(0.0, explanation.cost - noise_cost(explanation));
+  // A disturbance acts at rest as well: what it leaves there that is no white noise is not explained by it.
+  const bool is_disturbed = std::any_of(explanation.laws.begin(), explanation.laws.end(),
+                                        [](const LawFit& law) { return law.law.law->family == "disturbance"; });
+  const bool is_partial = is_disturbed && leftover.at_rest_deviations > kWhiteAtRest;
+  const bool explained = !is_partial && (!is_left || (!explanation.laws.empty() && remains < kMostLeft * there));
+
+  const std::vector<double> errors = explanation.standard_errors(inflation);
+  std::size_t error_at = 0;
+  for (std::size_t l = 0; l < explanation.laws.size(); ++l) {
+    const std::size_t parameters = explanation.laws[l].law.law->parameters.size();
+    discrepancy.causes.push_back(
+        named_cause(searched, l, explained, std::span(errors).subspan(error_at, parameters), options));
+    error_at += parameters;
+  }
+  if (!explained) {
+    discrepancy.conclusion = Conclusion::kUnexplained;
+  } else if (explanation.laws.empty()) {
+    discrepancy.conclusion = Conclusion::kNone;
+  } else {
+    discrepancy.conclusion = open_place(discrepancy.causes) ? Conclusion::kAmbiguous : Conclusion::kNamed;
+  }
+
+  discrepancy.findings = dependences(searched.baseline);
+  discrepancy.findings.insert(discrepancy.findings.end(), leftover.findings.begin(), leftover.findings.end());
+  discrepancy.gain = measure_gain(searched.baseline, explanation);
+  measure_each(searched, discrepancy);
+  discrepancy.candidates = candidates_of(searched, discrepancy, leftover, linear, inflation, options);
+  discrepancy.next_test = next_test(searched, discrepancy.causes, inflation);
+
+  diagnosis.extended_model = explanation.model();
+  for (std::size_t r = 0; r < explanation.problem->recordings(); ++r) {
+    diagnosis.extended.push_back(explanation.problem->simulate(explanation.v, r));
+  }
+  diagnosis.without_cause = runs_without(explanation);
+  return diagnosis;
+}
+
+}  // namespace valvetriage

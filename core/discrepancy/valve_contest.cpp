@@ -1,0 +1,413 @@
+#include "core/discrepancy/valve_contest.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <set>
+
+#include "core/discrepancy/evidence.h"
+#include "core/discrepancy/valve_catalogue.h"
+
+namespace valvetriage {
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+constexpr int kSearchSteps = 5;
+// A law is refined where its best start promises this much of the cost, and this share of the best law so far.
+constexpr double kLeastPromise = 8;
+constexpr double kLeastShare = 0.02;
+// Five standard errors: eight good valves that show nothing of a cause do not say how rarely a good valve does.
+constexpr double kLeastEvidence = 25;
+// A size that one good valve in a hundred has by the spread of the others says nothing against a valve.
+constexpr double kLikeGoodValves = 0.01;
+// Joint fits of those that the survey leaves in the race: this many at most, none that promises less than this share of
+// the best, each until it is this far behind the best in ln likelihood.
+constexpr std::size_t kMostJointFits = 4;
+constexpr double kLeastForecast = 0.05;
+constexpr double kInTheRace = 30;
+constexpr std::size_t kGoodValveJointFits = 3;
+constexpr int kJointSteps = 12;
+constexpr std::size_t kMostStarts = 12;
+// A residual this many times slower than white noise has bent the baseline.
+constexpr double kBent = 6;
+// So has a fit this many standard deviations of χ² farther from the population than a good valve is.
+constexpr double kFarFromGoodValves = 4;
+// A rival that removes this share of what the winner removes is still one (a margin of 1.2, lesson of other machines).
+constexpr double kMargin = 1 / 1.2;
+constexpr double kFamilyMargin = 1 / 1.5;
+constexpr double kRivalShare = 0.25;
+constexpr double kRivalInGoodValves = 0.05;
+
+/// The size of an explanation's last law.
+double size_in(const Explanation& explanation) {
+  const std::size_t last = explanation.laws.size() - 1;
+  const std::vector<double> parameters = explanation.problem->law_parameters(explanation.v, last, 0);
+  const std::size_t at = explanation.laws[last].law.law->size_parameter;
+  return at < parameters.size() ? parameters[at] : 1;
+}
+
+/// A reduction of the cost as evidence: no more of it than what is left allows.
+double evidence_of(double reduction, double consistent) {
+  return std::max(0.0, std::min(reduction, consistent));
+}
+
+/// Searching over s starting points costs 2 ln s of a likelihood ratio.
+double noise_reduction(const LawVariant& variant, Index freedoms, std::size_t recordings, double samples) {
+  double searched = static_cast<double>(std::max<std::size_t>(variant.starts.size(), 1));
+  if (variant.law.recording) searched *= static_cast<double>(recordings);
+  if (variant.law.law->cause == "periodic_disturbance") searched = samples / static_cast<double>(recordings);
+  return static_cast<double>(freedoms) + 2 * std::log(searched);
+}
+
+/// How far from no effect a size is. A limit, a level or a frequency has none at infinity: its inverse counts.
+struct Size {
+  double from_none = 0, sd = 0;
+};
+
+Size size_of(const Mechanism& law, double size, double sd) {
+  if (std::isfinite(law.neutral)) return {size - law.neutral, sd};
+  return {1 / size, sd / (size * size)};
+}
+
+/// By the evidence or by the size, whichever tells more; two tests are paid for. What good valves show at this size as
+/// well is no fault, however surely it is there.
+double p_value_of(const Tested& tested, double evidence, double size, const ValveDiagnosisOptions& options) {
+  const CauseOnGoodValves* good = on_good_valves(options.causes, tested.cause());
+  const double by_evidence = good_valve_p_value(evidence, tested.fit.freedoms, tested.noise_reduction,
+                                                good ? good->evidence_mean : 0, options.good_valves);
+  const bool has_size = good && (std::isfinite(tested.fit.law.law->neutral) || good->size_mean > 0);
+  if (!has_size) return by_evidence;
+  const double searched = std::max(0.0, tested.noise_reduction - static_cast<double>(tested.fit.freedoms));
+  const Size own = size_of(*tested.fit.law.law, size, 0);
+  const Size usual = size_of(*tested.fit.law.law, good->size_mean, good->size_sd);
+  const double by_size =
+      size_p_value(own.from_none, usual.from_none, usual.sd, evidence - searched, options.good_valves);
+  if (by_size > kLikeGoodValves) return 1;
+  return std::min(1.0, 2 * std::min(by_evidence, by_size));
+}
+
+/// The population's mean beside the laws already found, with the recordings' own states.
+VectorXd at_population_mean(const Explanation& explanation) {
+  VectorXd v = explanation.v;
+  if (explanation.options->prior) v.head(explanation.problem->baseline_size()) = explanation.options->prior->mean;
+  return explanation.problem->clamped(v);
+}
+
+/// Takes over what a survey from another point found better: what it simulates, or where no simulation bears out either
+/// forecast, what it forecasts. `offset` brings its verified reductions to this one's baseline: cost here less there.
+void keep_better(Survey other, double offset, Survey& survey) {
+  for (Tested& there : other.tested) {
+    there.fit.verified = std::max(0.0, there.fit.verified + offset);
+    there.evidence = evidence_of(there.fit.verified, there.fit.consistent_verified);
+    const auto here = std::find_if(survey.tested.begin(), survey.tested.end(),
+                                   [&](const Tested& t) { return t.cause() == there.cause(); });
+    if (here == survey.tested.end()) {
+      survey.tested.push_back(std::move(there));
+    } else if (there.fit.verified > here->fit.verified ||
+               (there.fit.verified == here->fit.verified && there.promise > here->promise)) {
+      *here = std::move(there);
+    }
+  }
+}
+
+/// Those still in the race after a survey: perhaps beyond what a good valve shows, those that promise most, and none
+/// that promises far less than the best. A forecast is linear: where the fit has bent towards a fault it may be a
+/// hundred times off, and what the best is known to be confused with races as well.
+std::vector<const Tested*> in_the_race(const Survey& survey, bool bent, const ValveDiagnosisOptions& options) {
+  const double laws = static_cast<double>(survey.tested.size());
+  const auto forecast = [](const Tested* tested) { return std::max(tested->evidence, tested->promise); };
+  std::vector<const Tested*> racing;
+  for (const Tested& tested : survey.tested) {
+    if (p_value_of(tested, forecast(&tested), tested.size(), options) * laws <= kFalseAlarm) racing.push_back(&tested);
+  }
+  std::stable_sort(racing.begin(), racing.end(),
+                   [&](const Tested* a, const Tested* b) { return forecast(a) > forecast(b); });
+  if (racing.size() > kMostJointFits) racing.resize(kMostJointFits);
+  while (!racing.empty() && forecast(racing.back()) < kLeastForecast * forecast(racing.front()) &&
+         racing.back()->evidence < racing.front()->evidence - 2 * kInTheRace) {
+    racing.pop_back();
+  }
+  if (!bent || racing.empty()) return racing;
+  const auto confused_with = racing.front()->fit.law.law->confused_with;
+  for (const Tested& tested : survey.tested) {
+    const bool is_known = std::find(racing.begin(), racing.end(), &tested) != racing.end();
+    const bool is_rival =
+        std::find(confused_with.begin(), confused_with.end(), tested.fit.law.law->cause) != confused_with.end();
+    if (is_rival && !is_known) racing.push_back(&tested);
+  }
+  return racing;
+}
+
+/// ln likelihood of an explanation, tempered; each parameter pays the half logarithm of the samples that count.
+double log_likelihood(double cost, Index freedoms, double inflation, double samples) {
+  return -0.5 * cost / inflation - 0.5 * static_cast<double>(freedoms) * std::log(std::max(samples / inflation, 2.0));
+}
+
+double squares_of(const Stack& residual) {
+  double squares = 0;
+  for (const VectorXd& r : residual) squares += r.squaredNorm();
+  return squares;
+}
+
+/// Brings the likelihoods together where they differ by what one place in the recordings says and another denies: in
+/// white noise 2 z² of a contrast is the likelihood ratio itself, anything else makes it less.
+void keep_consistent(const Ranked& winner, double weight, std::vector<Ranked>& ranked) {
+  for (Ranked& r : ranked) {
+    if (r.cause == winner.cause || r.p_value > kRivalInGoodValves) continue;
+    const double z = contrast(winner.residual, r.residual).z;
+    const double by_prior = 0.5 * (r.penalty - winner.penalty);
+    const double allowed = std::max(0.0, std::copysign(2 * weight * z * z, z) + by_prior);
+    r.log_likelihood = std::max(r.log_likelihood, winner.log_likelihood - allowed);
+  }
+}
+
+/// Probabilities of the winner and its rivals. What more than one good valve in twenty shows as well does not tell this
+/// valve from them: it is nobody's rival. Nor does any rival lead: the winner is the best of those that stand out.
+void normalise(const std::string& winner, std::vector<Ranked>& ranked) {
+  const auto won = std::find_if(ranked.begin(), ranked.end(), [&](const Ranked& r) { return r.cause == winner; });
+  const double best = won->log_likelihood;
+  double sum = 0;
+  for (Ranked& r : ranked) {
+    const bool competes = r.cause == winner || r.p_value <= kRivalInGoodValves;
+    r.probability = competes ? std::exp(std::min(r.log_likelihood - best, 0.0)) : 0;
+    sum += r.probability;
+  }
+  for (Ranked& r : ranked) r.probability /= sum;
+  std::stable_sort(ranked.begin(), ranked.end(),
+                   [](const Ranked& a, const Ranked& b) { return a.probability > b.probability; });
+}
+
+/// A fitted law is never the whole physics: where a rival removes nearly as much of the cost, or ranks above,
+/// likelihood alone does not settle the name. Such rivals keep a share of the probability. Laws of one family look
+/// alike and differ in what a baseline without a good valve's own friction gets wrong first: between them it takes
+/// more.
+void keep_margins(const std::string& winner, std::vector<Ranked>& ranked) {
+  const auto won = std::find_if(ranked.begin(), ranked.end(), [&](const Ranked& r) { return r.cause == winner; });
+  const double reduction = won->reduction;
+  double sum = 0;
+  for (Ranked& r : ranked) {
+    const bool is_kin = find_mechanism(r.cause)->family == find_mechanism(winner)->family;
+    const double enough = (is_kin ? kFamilyMargin : kMargin) * reduction;
+    if (r.cause != winner && r.reduction >= enough && r.p_value <= kRivalInGoodValves) {
+      r.probability = std::max(r.probability, kRivalShare);
+    }
+    sum += r.probability;
+  }
+  for (Ranked& r : ranked) r.probability /= sum;
+  std::stable_sort(ranked.begin(), ranked.end(),
+                   [](const Ranked& a, const Ranked& b) { return a.probability > b.probability; });
+}
+
+/// ln likelihood of a law that lowers the cost by `reduction`. What a good valve's cost falls by as well says nothing
+/// for it: its mean is taken off before laws are compared.
+double rank_of(const Tested& tested, double reduction, std::span<const CauseOnGoodValves> causes, double inflation,
+               double samples) {
+  const CauseOnGoodValves* good = on_good_valves(causes, tested.cause());
+  const double excess = reduction / inflation - (good ? good->evidence_mean : 0);
+  return log_likelihood(-excess * inflation, tested.fit.freedoms, inflation, samples);
+}
+
+/// The laws that the survey leaves in the race, each fitted together with the valve.
+struct JointFits {
+  std::vector<Explanation> fitted;  ///< in the order of `racing`
+  double inflation = 1;             ///< of the noise, by the best of them
+};
+
+/// Where a law's joint fit may begin beside where its search ended: from each of the given places of the valve, that of
+/// the search's starts which simulates best. Searches over many instants or tones need no more starts.
+std::vector<JointStart> joint_starts(const Tested& tested, const Explanation& beside,
+                                     std::span<const VectorXd> places) {
+  std::vector<JointStart> starts;
+  if (tested.starts.size() > kMostStarts) return starts;
+  ValveFitOptions options = *beside.options;
+  options.laws.push_back(tested.fit.law);
+  const ValveFitProblem problem(*beside.problem, options);
+  for (const VectorXd& place : places) {
+    double lowest = std::numeric_limits<double>::infinity();
+    const std::vector<double>* best = nullptr;
+    for (const std::vector<double>& start : tested.starts) {
+      const double cost = problem.cost(problem.clamped(beside.problem->continued_in(problem, place, start)));
+      if (!(cost < lowest)) continue;
+      lowest = cost;
+      best = &start;
+    }
+    if (best) starts.push_back({place, *best});
+  }
+  return starts;
+}
+
+JointFits fit_jointly(const std::vector<const Tested*>& racing, const Explanation& beside, bool bent) {
+  // A fit that has bent towards a fault is far from the valve under it: begin from where a good valve stands as well.
+  std::vector<VectorXd> places;
+  if (bent) places = {beside.v, at_population_mean(beside)};
+  JointFits joint;
+  double lowest = beside.cost;
+  for (const Tested* tested : racing) {
+    joint.fitted.push_back(extend(beside, tested->fit, kJointSteps, lowest - kInTheRace * joint.inflation,
+                                  joint_starts(*tested, beside, places)));
+    if (joint.fitted.back().cost >= lowest) continue;
+    lowest = joint.fitted.back().cost;
+    joint.inflation = noise_inflation(whitened_residual(joint.fitted.back()));
+  }
+  return joint;
+}
+
+/// Whether the fit has bent towards a fault: it leaves a residual far slower than noise, or it had to go where good
+/// valves are not.
+bool is_bent(const LinearisedValve& linear, const Explanation& beside) {
+  const double freedoms = static_cast<double>(beside.problem->baseline_size());
+  return noise_inflation(linear.error()) > kBent ||
+         beside.problem->penalty(beside.v) > freedoms + kFarFromGoodValves * std::sqrt(2 * freedoms);
+}
+
+/// The survey from where the fit stands and, where that has bent, from where a good valve stands as well.
+Survey survey_all(const LinearisedValve& linear, const Explanation& beside, bool bent,
+                  const ValveDiagnosisOptions& options) {
+  Survey survey = survey_laws(linear, *beside.options);
+  if (bent) {
+    const LinearisedValve mean(*beside.problem, at_population_mean(beside));
+    keep_better(survey_laws(mean, *beside.options), beside.cost - mean.cost(), survey);
+  }
+  for (Tested& tested : survey.tested) {
+    tested.p_value = p_value_of(tested, tested.evidence, tested.size(), options);
+  }
+  return survey;
+}
+
+}  // namespace
+
+double Tested::size() const {
+  const std::size_t at = fit.law.law->size_parameter;
+  return at < fit.parameters.size() ? fit.parameters[at] : 1;
+}
+
+const CauseOnGoodValves* on_good_valves(std::span<const CauseOnGoodValves> causes, std::string_view cause) {
+  const auto known = std::find_if(causes.begin(), causes.end(), [&](const auto& good) { return good.cause == cause; });
+  return known == causes.end() ? nullptr : &*known;
+}
+
+Survey survey_laws(const LinearisedValve& fit, const ValveFitOptions& options) {
+  std::set<std::string_view> taken;
+  for (const LawInFit& law : options.laws) taken.insert(law.law->family);
+  ValveCatalogue catalogue = valve_catalogue(fit, options);
+  Survey survey;
+  survey.untestable = std::move(catalogue.untestable);
+  for (const LawVariant& variant : catalogue.variants) {
+    if (taken.contains(variant.law.law->family)) continue;
+    double best = 0;
+    for (const Tested& tested : survey.tested) best = std::max(best, tested.fit.reduction);
+    const double worthwhile = std::max(kLeastPromise, kLeastShare * best);
+    auto found = search_law(fit, options, variant.law, variant.starts, kSearchSteps, worthwhile);
+    if (!found) continue;
+    Tested tested{
+        .starts = variant.starts,
+        .noise_reduction = noise_reduction(variant, found->freedoms, fit.problem().recordings(), fit.samples())};
+    tested.fit = std::move(*found);
+    const auto known = std::find_if(survey.tested.begin(), survey.tested.end(),
+                                    [&](const Tested& other) { return other.cause() == tested.cause(); });
+    if (known == survey.tested.end()) {
+      survey.tested.push_back(std::move(tested));
+    } else if (tested.fit.reduction > known->fit.reduction) {
+      *known = std::move(tested);
+    }
+  }
+  std::stable_sort(survey.tested.begin(), survey.tested.end(),
+                   [](const Tested& a, const Tested& b) { return a.fit.reduction > b.fit.reduction; });
+  for (Tested& tested : survey.tested) {
+    tested.evidence = evidence_of(tested.fit.verified, tested.fit.consistent_verified);
+    tested.promise = evidence_of(tested.fit.reduction, tested.fit.consistent_reduction);
+  }
+  return survey;
+}
+
+Contest hold_contest(const Explanation& beside, const ValveDiagnosisOptions& options) {
+  Contest contest;
+  const LinearisedValve linear(*beside.problem, beside.v);
+  const bool bent = is_bent(linear, beside);
+  contest.survey = survey_all(linear, beside, bent, options);
+  const auto racing = in_the_race(contest.survey, bent, options);
+  if (racing.empty()) return contest;
+  const double laws = static_cast<double>(contest.survey.tested.size());
+
+  JointFits joint = fit_jointly(racing, beside, bent);
+  const auto rank = [&](const Tested& tested, double reduction) {
+    return rank_of(tested, reduction, options.causes, joint.inflation, linear.samples());
+  };
+  std::optional<std::size_t> best;
+  for (std::size_t i = 0; i < racing.size(); ++i) {
+    const Tested& tested = *racing[i];
+    Ranked r{.cause = tested.cause(), .fitted_jointly = true};
+    r.reduction = beside.cost - joint.fitted[i].cost;
+    r.residual = residual_at_rows(joint.fitted[i]);
+    r.evidence =
+        evidence_of(r.reduction, consistent_evidence(linear.error(), r.residual, r.reduction, linear.weight()));
+    r.log_likelihood = rank(tested, r.reduction);
+    r.penalty = joint.fitted[i].cost - linear.weight() * squares_of(r.residual);
+    r.p_value = p_value_of(tested, r.evidence, size_in(joint.fitted[i]), options);
+    contest.ranked.push_back(std::move(r));
+    const double p = std::min(1.0, laws * contest.ranked.back().p_value);
+    const double searched = std::max(0.0, tested.noise_reduction - static_cast<double>(tested.fit.freedoms));
+    const bool stands_out = contest.ranked.back().evidence - searched >= kLeastEvidence && p <= kFalseAlarm;
+    if (!stands_out || (best && contest.ranked.back().log_likelihood <= contest.ranked[*best].log_likelihood)) continue;
+    best = i;
+    contest.p_value = p;
+  }
+  if (!best) return contest;
+  for (const Tested& tested : contest.survey.tested) {
+    const bool refitted = std::any_of(racing.begin(), racing.end(), [&](const Tested* r) { return r == &tested; });
+    if (refitted) continue;
+    Ranked r{.cause = tested.cause(), .reduction = tested.fit.verified, .evidence = tested.evidence};
+    r.log_likelihood = rank(tested, tested.fit.verified);
+    r.p_value = tested.p_value;
+    r.residual = tested.fit.residual;
+    r.penalty = linear.cost() - tested.fit.reduction - linear.weight() * squares_of(tested.fit.residual);
+    contest.ranked.push_back(std::move(r));
+  }
+  const std::string winner = racing[*best]->cause();
+  keep_consistent(Ranked(contest.ranked[*best]), linear.weight(), contest.ranked);
+  normalise(winner, contest.ranked);
+  keep_margins(winner, contest.ranked);
+  contest.cause = winner;
+  for (std::size_t i = 0; i < joint.fitted.size(); ++i) {
+    if (i != *best) contest.rivals.push_back(std::move(joint.fitted[i]));
+  }
+  contest.best = std::move(joint.fitted[*best]);
+  return contest;
+}
+
+GoodValveSurvey survey_good_valve(std::span<const Recording> recordings, const ValveFit& fit,
+                                  const ValveFitOptions& options) {
+  const Explanation nothing = explain_nothing(recordings, options, fit);
+  const LinearisedValve linear(*nothing.problem, nothing.v);
+  Survey survey = survey_laws(linear, *nothing.options);
+  // As a diagnosis does it: those that promise most are fitted together with the valve.
+  const auto forecast = [](const Tested& tested) { return std::max(tested.evidence, tested.promise); };
+  std::stable_sort(survey.tested.begin(), survey.tested.end(),
+                   [&](const Tested& a, const Tested& b) { return forecast(a) > forecast(b); });
+  GoodValveSurvey seen;
+  for (std::size_t i = 0; i < survey.tested.size(); ++i) {
+    const Tested& tested = survey.tested[i];
+    double evidence = tested.evidence, size = tested.size();
+    // A forecast that the simulation bears out needs no fit of everything together.
+    if (i < kGoodValveJointFits && forecast(tested) > kLeastEvidence && tested.evidence < 0.5 * tested.promise) {
+      const Explanation fitted = extend(nothing, tested.fit, kJointSteps, nothing.cost);
+      const Stack left = residual_at_rows(fitted);
+      const double reduction = std::max(0.0, nothing.cost - fitted.cost);
+      const double found =
+          evidence_of(reduction, consistent_evidence(linear.error(), left, reduction, linear.weight()));
+      if (found > evidence) {
+        evidence = found;
+        size = size_in(fitted);
+      }
+    }
+    seen.causes.push_back({tested.cause(), evidence, size});
+  }
+  for (const LeftoverGroup& group : leftover_groups(linear, 2 * options.reference_psi)) {
+    if (std::isfinite(group.log_ratio)) seen.leftovers.emplace_back(group.group, group.log_ratio);
+  }
+  return seen;
+}
+
+}  // namespace valvetriage

@@ -1,0 +1,67 @@
+#pragma once
+
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "core/discrepancy/law_search.h"
+#include "core/discrepancy/valve_diagnosis.h"
+#include "core/discrepancy/valve_explanation.h"
+
+namespace valvetriage {
+
+/// One law of a survey with what its evidence means.
+struct Tested {
+  LawFit fit;
+  std::vector<std::vector<double>> starts;  ///< of the search
+  double evidence = 0;                      ///< verified reduction, no more than is consistent
+  double promise = 0;                       ///< the same of the linear forecast
+  double noise_reduction = 0;               ///< what noise alone would give after the search
+  double p_value = 1;  ///< of the evidence or the size in a good valve; one law, not all of them together
+
+  std::string cause() const { return std::string(fit.law.law->cause); }
+  double size() const;
+};
+
+/// Every law beside an explanation, each fitted to what that leaves and the valve cannot absorb.
+struct Survey {
+  std::vector<Tested> tested;  ///< one per cause, strongest forecast first
+  std::vector<Candidate> untestable;
+};
+Survey survey_laws(const LinearisedValve& fit, const ValveFitOptions& options);
+
+/// A law among its rivals for one place in an explanation.
+struct Ranked {
+  std::string cause;
+  double log_likelihood = 0;
+  double reduction = 0;  ///< of the cost
+  double evidence = 0;   ///< no more of it than is consistent
+  double p_value = 1;    ///< of its evidence and size in a good valve, one law alone
+  Stack residual;        ///< whitened, what is left beside it
+  double penalty = 0;    ///< of the cost, what is not in the residual
+  double probability = 0;
+  bool fitted_jointly = false;  ///< together with the valve
+};
+
+/// A cause beside given others: the best of its rivals with their probabilities.
+struct Contest {
+  std::optional<Explanation> best;  ///< empty: nothing stands out from good valves
+  std::string cause;                ///< of the best
+  double p_value = 1;               ///< of the best in a good valve, all laws searched
+  std::vector<Ranked> ranked;       ///< by probability
+  std::vector<Explanation> rivals;  ///< of the others, those that were fitted together with the valve
+  Survey survey;
+};
+
+/// Surveys the laws beside an explanation and lets the best of them compete in joint fits. Laws of a family that is in
+/// the explanation already take no part: two causes of one family explain each other's leftovers, not the valve.
+Contest hold_contest(const Explanation& beside, const ValveDiagnosisOptions& options);
+
+/// What good valves show of a cause; null where the reference does not know.
+const CauseOnGoodValves* on_good_valves(std::span<const CauseOnGoodValves> causes, std::string_view cause);
+
+/// A healthy valve is called so 99 times in 100: half of that risk for the laws together, half for the leftover.
+inline constexpr double kFalseAlarm = 0.005;
+
+}  // namespace valvetriage
