@@ -169,7 +169,8 @@ MatrixXd box_states(const Explanation& baseline, std::size_t r, const ValveFitPr
   return states;
 }
 
-/// Squared errors of the black box on each fold in turn, the best of a few strengths of its ridge.
+/// Squared errors of the black box on each fold in turn, the best of a few strengths of its ridge; none of it at all is
+/// one of them, for what extrapolates badly is no bound.
 double black_box_squares(const Explanation& baseline, const Refit& before, const std::vector<Fold>& folds,
                          const std::vector<VectorXd>& errors) {
   std::vector<MatrixXd> terms;
@@ -206,11 +207,12 @@ double black_box_squares(const Explanation& baseline, const Refit& before, const
     all.square += own.square;
     all.right += own.right;
   }
-  std::array<double, kBoxRidges.size()> squares{};
+  std::array<double, kBoxRidges.size() + 1> squares{};
   for (std::size_t f = 0; f < folds.size(); ++f) {
     const Normal own = normal_of(folds[f]);
     const MatrixXd square = all.square - own.square;
     const VectorXd right = all.right - own.right;
+    squares.back() += errors[f].squaredNorm();
     for (std::size_t k = 0; k < kBoxRidges.size(); ++k) {
       const VectorXd weights = ridge(square, right, kBoxRidges[k]);
       const auto held_out = terms[folds[f].recording].middleRows(folds[f].first, folds[f].count);

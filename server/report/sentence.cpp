@@ -167,8 +167,10 @@ std::vector<std::string> upper_limits(const Discrepancy& discrepancy) {
       for (const MechanismParameter& parameter : law ? law->parameters : std::span<const MechanismParameter>{}) {
         if (parameter.name == name) unit = parameter.unit;
       }
-      limits.push_back(fmt::format("{} with {} above {} is excluded", spoken(candidate.cause),
-                                   parameter_name(name, unit), quantity(limit, unit)));
+      // A limit excludes what lies beyond it, seen from no effect.
+      const char* beyond = law && limit < law->neutral ? "below" : "above";
+      limits.push_back(fmt::format("{} with {} {} {} is excluded", spoken(candidate.cause), parameter_name(name, unit),
+                                   beyond, quantity(limit, unit)));
     }
   }
   return limits;

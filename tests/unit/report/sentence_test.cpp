@@ -98,6 +98,17 @@ TEST(Sentence, SaysWhatTheRecordingsExclude) {
             std::vector<std::string>{"Friction with breakaway above 6 mA is excluded"});
 }
 
+TEST(Sentence, SaysOnWhichSideOfALimitASizeIsExcluded) {
+  Analysis analysis = with(Conclusion::kNone);
+  Candidate gain{.cause = "gain_loss"}, level{.cause = "saturation"};
+  gain.upper_limit95["ratio"] = 0.97;
+  level.upper_limit95["level_psi"] = 200;
+  analysis.discrepancy->candidates = {gain, level};
+  EXPECT_EQ(summarise(analysis).upper_limits,
+            (std::vector<std::string>{"Gain loss with ratio below 0.97 is excluded",
+                                      "Saturation with level below 200 psi is excluded"}));
+}
+
 TEST(Quantity, UsesTheUnitAPersonWould) {
   EXPECT_EQ(quantity(0.0183, "A"), "18.3 mA");
   EXPECT_EQ(quantity(1.8, "A"), "1.8 A");
