@@ -2,9 +2,12 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include "server/wire/canonical_json.h"
 #include "server/wire/discrepancy_json.h"
@@ -254,17 +257,33 @@ Names names_in(const Json& recordings) {
   return names;
 }
 
-/// A text that tells where something is speaks of a recording by its name; in a hash it speaks of its bytes.
-void replace_names(const Names& names, Json& value) {
-  if (value.is_structured()) {
-    for (Json& inside : value) replace_names(names, inside);
-    return;
-  }
-  if (!value.is_string()) return;
-  auto& text = value.get_ref<std::string&>();
+void replace_names(const Names& names, std::string& text) {
   for (const auto& [name, sha256] : names) {
     for (std::size_t at = text.find(name); at != std::string::npos; at = text.find(name, at + sha256.size())) {
       text.replace(at, name.size(), sha256);
+    }
+  }
+}
+
+/// What tells where something is speaks of a recording by its name; in a hash it speaks of its bytes.
+void replace_names(Json& document) {
+  if (!document["recordings"].is_array()) return;
+  const Names names = names_in(document["recordings"]);
+  if (Json& discrepancy = document["discrepancy"]; discrepancy.is_object() && discrepancy["findings"].is_array()) {
+    for (Json& finding : discrepancy["findings"]) {
+      if (finding["where"].is_string()) replace_names(names, finding["where"].get_ref<std::string&>());
+    }
+  }
+  Json& model = document["extended_model"];
+  if (!model.is_object() || !model.contains("mechanisms")) return;
+  for (Json& mechanism : model["mechanisms"]) {
+    if (!mechanism.is_object() || !mechanism.contains("channel") || !mechanism["channel"].is_string()) continue;
+    auto& channel = mechanism["channel"].get_ref<std::string&>();
+    for (const auto& [name, sha256] : names) {
+      if (channel == name) {
+        channel = sha256;
+        break;
+      }
     }
   }
 }
@@ -284,7 +303,7 @@ std::string to_string(NoVerdict reason) {
 std::string result_sha256(Json document) {
   document.erase("timing_s");
   document.erase("result_sha256");
-  if (document["recordings"].is_array()) replace_names(names_in(document["recordings"]), document);
+  replace_names(document);
   for (Json& recording : document["recordings"]) recording.erase("name");
   for (Json& recording : document["simulation"]["per_recording"]) recording.erase("name");
   // A store numbers its references, a file has none: the reference is what its sha256 says, wherever it is kept.
