@@ -26,7 +26,6 @@ constexpr int kFewImages = 1, kManyImages = 4;
 constexpr double kReachBelow = 3;   // poles lie no further below the band: what is slower is a constant there
 constexpr double kReachAbove = 30;  // and no further above it
 constexpr double kLeastDamping = 1e-4;
-constexpr double kNarrowest = 0.1;    // half-power width of a resonance over the points' distance: its skirts show it
 constexpr double kLargestStep = 1.0;  // e-folds of a pole's coefficient in one iteration
 constexpr double kConverged = 1e-8;   // relative change of the misfit
 constexpr int kFirstIterations = 3;   // of every way out
@@ -116,7 +115,7 @@ class Problem {
   double least_log_a1(double log_a0) const {
     const double omega = std::exp(0.5 * log_a0);
     const auto above = std::upper_bound(omega_.begin() + 1, omega_.end() - 1, omega);
-    return std::log(std::max(2 * kLeastDamping * omega, kNarrowest * (*above - *(above - 1))));
+    return std::log(std::max(2 * kLeastDamping * omega, options_.narrowest * (*above - *(above - 1))));
   }
   double at_share_of_band(double share) const { return lowest_ * std::pow(highest_ / lowest_, share); }
   const std::vector<double>& corners() const { return corners_; }

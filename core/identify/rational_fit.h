@@ -13,6 +13,7 @@ struct RationalFitOptions {
   int zeros = 1;                           ///< 0 to order
   bool fit_delay = true;                   ///< else 0
   int max_iterations = 60;                 ///< of the refinement
+  double narrowest = 1;                    ///< half-power width of a resonance, over the points' distance there
   std::vector<TransferFunction> starts{};  ///< further starting points: their poles and delay
   bool only_given_starts = false;          ///< no search of its own: refits from a near optimum
 };
@@ -39,7 +40,7 @@ struct RationalFit {
 ///   argmin Σ_k |H_k − G_k|² / σ_k²      G(s) = Σ c_i N_i(s) / ∏ (s² + a_1 s + a_0) · e^(−sτ)
 ///
 /// a_1, a_0 = e^…: poles have negative real parts whatever the data say, coefficients are real, pairs complex or real;
-/// no resonance is far narrower than the points lie apart (a_1 ≥ Δω / 10) and sits on the noise of one. τ ≥ 0. N_i =
+/// no resonance is narrower than `narrowest` times the points' distance (a_1 ≥ narrowest Δω). τ ≥ 0. N_i =
 /// ∏_{j≤i} (s/ν_j + 1), ν_j spread over the band, is well conditioned at order nine. σ comes from the residual of each
 /// window, which is what coherence measures: σ² = |G|² (1 − γ²) / (γ² freedoms).
 ///

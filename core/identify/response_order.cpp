@@ -12,7 +12,10 @@ namespace {
 using Complex = std::complex<double>;
 
 constexpr int kFolds = 5;
-constexpr int kFoldIterations = 6;     // from the fit to all points a fold's own optimum is near
+constexpr int kFoldIterations = 6;  // from the fit to all points a fold's own optimum is near
+// Of an order that was asked for: a resonance far narrower than the points lie apart is known by its skirts. A search
+// over orders would find one on the noise of a single point.
+constexpr double kNarrowestAskedFor = 0.1;
 constexpr double kIndifferent = 0.01;  // of the squared error: half a percent of rms
 
 /// One order fitted to all points and judged on each fold.
@@ -131,9 +134,11 @@ class Chooser {
     return schwarz(model.misfit_per_freedom * (2 * n - parameters), 2 * n, parameters);
   }
 
+  double narrowest() const { return options_.order ? kNarrowestAskedFor : 1; }
+
   Result<ResponseModel> fit(int order, int zeros) const {
     if (!rational()) return model_of(search_->at(order, zeros), response_.points.size());
-    auto fitted = fit_rational(response_, {.order = order, .zeros = zeros});
+    auto fitted = fit_rational(response_, {.order = order, .zeros = zeros, .narrowest = narrowest()});
     if (!fitted) return tl::unexpected(fitted.error());
     return model_of(std::move(*fitted));
   }
@@ -159,7 +164,7 @@ class Chooser {
 
   TransferFunction refitted(const ResponseModel& model, const FrequencyResponse& rest, int order, int zeros) const {
     if (!rational()) return refit_asymptotic(rest, *model.steps, kFoldIterations).transfer_function;
-    RationalFitOptions options{.order = order, .zeros = zeros};
+    RationalFitOptions options{.order = order, .zeros = zeros, .narrowest = narrowest()};
     options.starts = {model.transfer_function};
     options.only_given_starts = true;
     options.max_iterations = kFoldIterations;
