@@ -19,6 +19,7 @@ PARTS = pathlib.Path(__file__).parent
 CLOSED_SHARE_D = 30.0
 # In a recording that was not analysed these come with a phase or at an instant that nobody can know.
 NOT_IN_OTHER_RECORDINGS = {"intermittent", "periodic_disturbance", "self_oscillation"}
+SIDE_CHANNELS = ["--columns", "side=temperature_C,supply_psi"]
 WARM_UP_SAMPLES = 200  # of a held-out recording: they set the initial state and are not scored
 
 
@@ -125,7 +126,7 @@ def analysed(bench, case, recordings, kept):
     if case.plant == "motion":
         options = ["--baseline", "self", "--columns", "time=time_s,input=u,output=y"]
     else:
-        options = ["--reference", bench.reference, "--columns", "side=temperature_C,supply_psi"]
+        options = ["--reference", bench.reference, *SIDE_CHANNELS]
     text, seconds = run(bench.valvetriage, "analyze", *sorted(recordings.glob("*.csv")), *options, "--json")
     analysis = json.loads(text)
     kept.write_text(json.dumps({"seconds": seconds, "analysis": analysis}))
@@ -163,7 +164,7 @@ def closed_share(bench, held_out, recordings, clean):
         model.write_text(json.dumps(held_out[which]))
         simulated = recordings / f"{which}.simulated.csv"
         run(bench.valvetriage, "simulate", "--model", model, "--input", recordings / f"{held_out['name']}.csv",
-            "--initial-samples", WARM_UP_SAMPLES, "-o", simulated)
+            *SIDE_CHANNELS, "--initial-samples", WARM_UP_SAMPLES, "-o", simulated)
         output = column(simulated, "output_simulated")
         energy[which] = math.fsum((a - b) ** 2 for a, b in list(zip(output, truth))[WARM_UP_SAMPLES:])
     return 1 - energy["extended"] / energy["baseline"]
