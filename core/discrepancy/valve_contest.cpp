@@ -366,7 +366,7 @@ Contest hold_contest(const Explanation& beside, const ValveDiagnosisOptions& opt
     contest.ranked.push_back(std::move(r));
   }
   const std::string winner = racing[*best]->cause();
-  keep_consistent(Ranked(contest.ranked[*best]), linear.weight(), contest.ranked);
+  keep_consistent(contest.ranked[*best], linear.weight(), contest.ranked);
   normalise(winner, contest.ranked);
   keep_margins(winner, contest.ranked);
   contest.cause = winner;

@@ -20,15 +20,16 @@ class Diagnosis {
       : options_(options), baseline_(explain_nothing(recordings, options.fit, baseline)) {}
 
   ValveDiagnosis run() {
-    Contest first = hold_contest(baseline_, options_);
+    first_ = hold_contest(baseline_, options_);
     Explanation explanation = baseline_.copy();
-    if (first.best) {
-      explanation = take(first);
+    if (first_.best) {
+      explanation = first_.best->copy();
+      places_.push_back(first_place(explanation));
       while (explanation.laws.size() < static_cast<std::size_t>(kMostCauses) && add_one(explanation)) {
       }
       if (explanation.laws.size() > 1) reconsider(explanation);
     }
-    return conclude({baseline_, explanation, places_, first}, options_);
+    return conclude({baseline_, explanation, places_, first_}, options_);
   }
 
  private:
@@ -59,7 +60,7 @@ class Diagnosis {
       if (!again.best || again.best->cost > others.cost) {
         explanation = std::move(others);
         places_.erase(place);
-        if (explanation.laws.size() == 1) places_.front() = alone(explanation);
+        if (explanation.laws.size() == 1) places_.front() = first_place(explanation);
         i = 0;
         continue;
       }
@@ -77,15 +78,17 @@ class Diagnosis {
     }
   }
 
-  /// The contest of a cause that is left alone.
-  WonPlace alone(const Explanation& explanation) {
-    Contest again = hold_contest(baseline_, options_);
-    const bool is_same = again.best && again.cause == explanation.laws.front().law.law->cause;
-    return {std::move(again.ranked), std::move(again.rivals), is_same ? again.p_value : 1};
+  /// How a cause did beside the baseline alone: nothing for it where another one won.
+  WonPlace first_place(const Explanation& explanation) const {
+    const bool is_same = first_.best && first_.cause == explanation.laws.front().law.law->cause;
+    WonPlace place{.ranked = first_.ranked, .rivals = {}, .p_value = is_same ? first_.p_value : 1};
+    for (const Explanation& rival : first_.rivals) place.rivals.push_back(rival.copy());
+    return place;
   }
 
   const ValveDiagnosisOptions& options_;
   Explanation baseline_;
+  Contest first_;                 ///< beside the baseline
   std::vector<WonPlace> places_;  ///< one per law of the explanation
 };
 
