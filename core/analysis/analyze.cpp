@@ -153,10 +153,10 @@ Result<FreeRuns> run_reference(std::span<const Recording> recordings, Analysis& 
   options.knots = reference.model.map->input;
   options.reference_psi = reference.model.volume->reference_psi;
   options.prior = prior_of(reference);
-  options.gauge_lag_s = gauge_lag_s(reference.model);
+  options.usual = usual_mechanisms(reference.model);
   auto fit = fit_valve(kept, options);
   if (!fit) return tl::unexpected(fit.error());
-  analysis.baseline.model = to_model(fit->parameters, fit->map, options.gauge_lag_s);
+  analysis.baseline.model = to_model(fit->parameters, fit->map, options.usual);
 
   FreeRuns runs;
   // A reference learned without the engine's survey of its valves has no scale to name a cause by.

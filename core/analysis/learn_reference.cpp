@@ -5,14 +5,13 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <boost/math/distributions/students_t.hpp>
-#include <boost/math/tools/minima.hpp>
 #include <cmath>
-#include <cstdint>
 #include <limits>
 #include <map>
 #include <set>
 
 #include "core/analysis/population_covariance.h"
+#include "core/analysis/usual_mechanisms.h"
 #include "core/discrepancy/valve_diagnosis.h"
 #include "core/identify/valve_fit.h"
 #include "core/mechanisms/simulate_extended.h"
@@ -32,13 +31,6 @@ constexpr double kOutlierSignificance = 1e-3;
 constexpr double kLongestWindow_s = 2.0;
 constexpr double kHighestWindowRate_hz = 200.0;
 constexpr double kLevelTolerance_a = 0.02;
-// The gauge: tried on this many valves, up to this many sampling periods, by so many fits; a valve's worth of evidence
-// above what one more parameter gives by chance once in a million.
-constexpr std::size_t kGaugeValves = 3;
-constexpr double kLongestGaugeLag_samples = 4;
-constexpr int kGaugeBits = 5;
-constexpr std::uintmax_t kGaugeFits = 6;
-constexpr double kGaugeEvidence = 24;
 
 struct Member {
   const ValveRecordings* valve = nullptr;
@@ -71,6 +63,12 @@ std::vector<const Member*> used_members(const std::vector<Member>& members, cons
     if (member.used && &member != without) used.push_back(&member);
   }
   return used;
+}
+
+std::vector<ValveRecordings> recordings_of(const std::vector<const Member*>& members) {
+  std::vector<ValveRecordings> valves;
+  for (const Member* member : members) valves.push_back(*member->valve);
+  return valves;
 }
 
 VectorXd mean_of(const std::vector<const Member*>& members) {
@@ -131,8 +129,12 @@ void point_out_outliers(std::vector<Member>& members) {
 
 MatrixXd covariance_of(const std::vector<const Member*>& members, const std::vector<double>& knots) {
   MatrixXd vectors(members.front()->vector.size(), static_cast<Index>(members.size()));
-  for (std::size_t i = 0; i < members.size(); ++i) vectors.col(static_cast<Index>(i)) = members[i]->vector;
-  return population_covariance(vectors, kParameters, knots);
+  MatrixXd errors = MatrixXd::Zero(vectors.rows(), vectors.rows());
+  for (std::size_t i = 0; i < members.size(); ++i) {
+    vectors.col(static_cast<Index>(i)) = members[i]->vector;
+    errors += members[i]->fit.covariance / static_cast<double>(members.size());
+  }
+  return population_covariance(vectors, errors, kParameters, knots);
 }
 
 Model model_of(const VectorXd& vector, const ValveFitOptions& options) {
@@ -140,7 +142,7 @@ Model model_of(const VectorXd& vector, const ValveFitOptions& options) {
   const std::vector<double> values(outputs.data(), outputs.data() + outputs.size());
   const std::vector<double> weights(values.size(), 1.0);
   return to_model(to_parameters(vector.head(kParameters), options.reference_psi),
-                  {options.knots, monotone_regression(values, weights)}, options.gauge_lag_s);
+                  {options.knots, monotone_regression(values, weights)}, options.usual);
 }
 
 Eq20Window default_window(const std::vector<const Member*>& members) {
@@ -213,6 +215,18 @@ Result<std::vector<LevelPopulation>> level_populations(const std::vector<Member>
   return levels;
 }
 
+/// How much good valves differ by what a law does, where it does what a parameter of theirs does: dry friction and play
+/// on the spool are its narrow loop, magnetic memory is its wide one. A dry friction F holds the spool over 2 F.
+double spread_of_own(const std::string& cause, const std::vector<PopulationParameter>& parameters) {
+  const auto sd = [&](std::string_view name) {
+    return std::find_if(parameters.begin(), parameters.end(), [&](const auto& p) { return p.name == name; })->sd;
+  };
+  if (cause == "friction") return 0.5 * sd("narrow_loop_width_A");
+  if (cause == "backlash") return sd("narrow_loop_width_A");
+  if (cause == "hysteresis") return std::hypot(sd("loop_width_A"), sd("narrow_loop_width_A"));
+  return 0;
+}
+
 /// What the engine sees in good valves, each against the population of the others: the scale of every later test.
 Result<void> survey_members(const std::vector<Member>& members, ValveFitOptions options, Reference& reference) {
   std::map<std::string, Running> evidence, size, leftover;
@@ -227,14 +241,15 @@ Result<void> survey_members(const std::vector<Member>& members, ValveFitOptions 
     const GoodValveSurvey seen = survey_good_valve(member->valve->recordings, *fit, options);
     for (const auto& cause : seen.causes) {
       evidence[cause.cause].add(cause.evidence);
-      size[cause.cause].add(cause.size);
+      if (std::isfinite(cause.size)) size[cause.cause].add(cause.size);
     }
     for (const auto& [group, log_ratio] : seen.leftovers) leftover[group].add(log_ratio);
   }
   for (const auto& [cause, values] : evidence) {
     // A cause that did not show in some valves had no evidence there.
     const double mean = values.mean * values.n / static_cast<double>(used.size());
-    reference.causes.push_back({cause, mean, size[cause].mean, size[cause].sd()});
+    reference.causes.push_back(
+        {cause, mean, size[cause].mean, std::hypot(size[cause].sd(), spread_of_own(cause, reference.parameters))});
   }
   for (const auto& [group, values] : leftover) reference.leftovers.push_back({group, values.mean, values.sd()});
   return {};
@@ -295,39 +310,8 @@ Result<ValveFitOptions> common_options(std::span<const ValveRecordings> valves) 
   return options;
 }
 
-/// Mean square of what some good valves leave with a gauge of this lag, each fitted with it.
-Result<double> mean_square(std::span<const ValveRecordings> valves, ValveFitOptions& options, double lag_s) {
-  options.gauge_lag_s = lag_s;
-  double sum = 0;
-  for (const ValveRecordings& valve : valves) {
-    const auto fit = fit_member(valve, options);
-    if (!fit) return tl::unexpected(fit.error());
-    if (!options.start) options.start = fit->parameters;
-    sum += fit->rmse * fit->rmse / static_cast<double>(valves.size());
-  }
-  return sum;
-}
-
-/// The lag of the gauge, of one make on all stands: where good valves leave least. 0 where a gauge without lag leaves
-/// as little: a lag no longer than the spool's own is hard to tell from it, and is not worth a parameter per valve.
-Result<double> learn_gauge_lag(std::span<const ValveRecordings> valves, ValveFitOptions options) {
-  const auto some = valves.first(std::min(valves.size(), kGaugeValves));
-  double samples = 0;
-  for (const ValveRecordings& valve : some) {
-    for (const Recording& recording : valve.recordings) samples += static_cast<double>(recording.samples());
-  }
-  const auto none = mean_square(some, options, 0);
-  if (!none) return tl::unexpected(none.error());
-  const double longest = kLongestGaugeLag_samples * some.front().recordings.front().sample_period_s;
-  std::uintmax_t fits = kGaugeFits;
-  const auto [lag, least] = boost::math::tools::brent_find_minima(
-      [&](double tried) { return mean_square(some, options, tried).value_or(*none); }, 0.0, longest, kGaugeBits, fits);
-  // n ln(σ₀²/σ²) is the likelihood ratio of one parameter per valve.
-  return samples * std::log(*none / least) > kGaugeEvidence * static_cast<double>(some.size()) ? lag : 0.0;
-}
-
-Result<Reference> learn_with(std::span<const ValveRecordings> valves, const std::string& valve_type,
-                             ValveFitOptions options) {
+/// Every valve fitted, those that are unlike the others left out.
+Result<std::vector<Member>> fit_members(std::span<const ValveRecordings> valves, ValveFitOptions options) {
   std::vector<Member> members;
   for (const ValveRecordings& valve : valves) {
     auto fit = fit_member(valve, options);
@@ -338,6 +322,11 @@ Result<Reference> learn_with(std::span<const ValveRecordings> valves, const std:
     members.push_back(std::move(member));
   }
   point_out_outliers(members);
+  return members;
+}
+
+Result<Reference> learn_with(const std::vector<Member>& members, const std::string& valve_type,
+                             const ValveFitOptions& options) {
   const auto used = used_members(members);
   const VectorXd mean = mean_of(used);
   const MatrixXd covariance = covariance_of(used, options.knots);
@@ -376,10 +365,17 @@ Result<Reference> learn_reference(std::span<const ValveRecordings> valves, const
   auto options = common_options(valves);
   if (!options) return tl::unexpected(options.error());
 
-  const auto lag = learn_gauge_lag(valves, *options);
-  if (!lag) return tl::unexpected(lag.error());
-  options->gauge_lag_s = *lag;
-  return learn_with(valves, valve_type, *options);
+  // What they have in common is learned from those that are alike.
+  const auto first = fit_members(valves, *options);
+  if (!first) return tl::unexpected(first.error());
+  const auto alike = used_members(*first);
+  options->start = alike.front()->fit.parameters;
+  const auto usual = learn_usual_mechanisms(recordings_of(alike), *options);
+  if (!usual) return tl::unexpected(usual.error());
+  options->usual = *usual;
+  const auto members = fit_members(valves, *options);
+  if (!members) return tl::unexpected(members.error());
+  return learn_with(*members, valve_type, *options);
 }
 
 }  // namespace valvetriage

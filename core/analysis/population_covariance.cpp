@@ -17,6 +17,8 @@ constexpr double kLocalShift_a = 0.1;  // over which a map's local shifts are al
 // A parameter that happens to agree between a few valves is not known exactly: a thousandth of itself at least.
 constexpr double kLeastSpread = 1e-3;
 constexpr double kLeastKnotSpread_psi = 0.02;
+// Errors are known to a factor of two at best: they never explain all of what is seen.
+constexpr double kLeastOfVariance = 0.25;
 
 /// Standard deviations of a map's ways to differ.
 enum Part { kShift, kLocal, kGain, kOffset, kOwn, kParts };
@@ -51,13 +53,13 @@ double log_likelihood(const MatrixXd& covariance, const MatrixXd& deviations) {
 }
 
 /// Sizes by maximum likelihood, a coordinate at a time on a finer and finer logarithmic grid.
-Sizes fit_sizes(const MeanMap& map, const MatrixXd& deviations) {
+Sizes fit_sizes(const MeanMap& map, const MatrixXd& errors, const MatrixXd& deviations) {
   const double typical = std::sqrt(deviations.squaredNorm() / static_cast<double>(deviations.size()));
   const double steep = std::max(map.slope.cwiseAbs().maxCoeff(), 1e-9);
   const double high = std::max(map.output.cwiseAbs().maxCoeff(), 1e-9);
   Sizes size{typical / steep, typical / steep, typical / high, 0.3 * typical, 0.3 * typical};
   size[kOwn] = std::max(size[kOwn], kLeastKnotSpread_psi);
-  double best = log_likelihood(map_covariance(map, size), deviations);
+  double best = log_likelihood(map_covariance(map, size) + errors, deviations);
   for (const double factor : {3.0, 3.0, 1.7, 1.7, 1.3, 1.3, 1.1}) {
     for (int part = 0; part < kParts; ++part) {
       for (const double by : {factor, 1 / factor}) {
@@ -65,7 +67,7 @@ Sizes fit_sizes(const MeanMap& map, const MatrixXd& deviations) {
           Sizes tried = size;
           tried[static_cast<std::size_t>(part)] *= by;
           if (part == kOwn) tried[kOwn] = std::max(tried[kOwn], kLeastKnotSpread_psi);
-          const double likelihood = log_likelihood(map_covariance(map, tried), deviations);
+          const double likelihood = log_likelihood(map_covariance(map, tried) + errors, deviations);
           if (!(likelihood > best + 1e-9)) break;
           best = likelihood;
           size = tried;
@@ -91,13 +93,15 @@ Sample sample_of(const MatrixXd& vectors) {
   return sample;
 }
 
-MatrixXd target_covariance(const Sample& sample, Index parameters, const std::vector<double>& knots) {
+MatrixXd target_covariance(const Sample& sample, const MatrixXd& errors, Index parameters,
+                           const std::vector<double>& knots) {
   const Index p = sample.mean.size(), count = p - parameters;
   MatrixXd target = MatrixXd::Zero(p, p);
   const double n = static_cast<double>(sample.deviations.cols());
   for (Index j = 0; j < parameters; ++j) {
     const double least = kLeastSpread * std::max(std::abs(sample.mean(j)), 1e-6);
-    target(j, j) = std::max(sample.deviations.row(j).squaredNorm() / (n - 1), least * least);
+    const double variance = sample.deviations.row(j).squaredNorm() / (n - 1);
+    target(j, j) = std::max({variance - errors(j, j), kLeastOfVariance * variance, least * least});
   }
   MeanMap map{.input = Eigen::Map<const VectorXd>(knots.data(), count),
               .output = sample.mean.tail(count),
@@ -107,7 +111,8 @@ MatrixXd target_covariance(const Sample& sample, Index parameters, const std::ve
     map.slope(k) = (map.output(right) - map.output(left)) / (map.input(right) - map.input(left));
   }
   const MatrixXd deviations = sample.deviations.bottomRows(count) * std::sqrt(n / (n - 1));
-  target.bottomRightCorner(count, count) = map_covariance(map, fit_sizes(map, deviations));
+  target.bottomRightCorner(count, count) =
+      map_covariance(map, fit_sizes(map, errors.bottomRightCorner(count, count), deviations));
   return target;
 }
 
@@ -116,14 +121,14 @@ struct LeaveOneOut {
 };
 
 /// How well each valve is predicted from the others, the scale of the prediction fitted to it.
-LeaveOneOut leave_one_out(const MatrixXd& vectors, const MatrixXd& target, double shrinkage) {
+LeaveOneOut leave_one_out(const MatrixXd& vectors, const MatrixXd& target, const MatrixXd& errors, double shrinkage) {
   const Index n = vectors.cols(), p = vectors.rows();
   double squares = 0, half_log_determinants = 0;
   for (Index i = 0; i < n; ++i) {
     MatrixXd others(p, n - 1);
     others << vectors.leftCols(i), vectors.rightCols(n - 1 - i);
     const Sample sample = sample_of(others);
-    MatrixXd c = shrinkage * target;
+    MatrixXd c = shrinkage * (target + errors);
     if (n > 2 && shrinkage < 1) c += (1 - shrinkage) * sample.covariance();
     c *= 1 + 1.0 / static_cast<double>(n - 1);
     const Eigen::LLT<MatrixXd> factor(c);
@@ -137,13 +142,14 @@ LeaveOneOut leave_one_out(const MatrixXd& vectors, const MatrixXd& target, doubl
 
 }  // namespace
 
-MatrixXd population_covariance(const MatrixXd& vectors, Index parameters, const std::vector<double>& knots) {
+MatrixXd population_covariance(const MatrixXd& vectors, const MatrixXd& errors, Index parameters,
+                               const std::vector<double>& knots) {
   const Sample sample = sample_of(vectors);
-  const MatrixXd target = target_covariance(sample, parameters, knots);
+  const MatrixXd target = target_covariance(sample, errors, parameters, knots);
   double best_shrinkage = 1;
-  LeaveOneOut best = leave_one_out(vectors, target, 1);
+  LeaveOneOut best = leave_one_out(vectors, target, errors, 1);
   for (const double shrinkage : {0.9, 0.7, 0.5, 0.3, 0.15}) {
-    const LeaveOneOut tried = leave_one_out(vectors, target, shrinkage);
+    const LeaveOneOut tried = leave_one_out(vectors, target, errors, shrinkage);
     if (!(tried.log_likelihood > best.log_likelihood)) continue;
     best = tried;
     best_shrinkage = shrinkage;

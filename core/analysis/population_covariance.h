@@ -15,11 +15,13 @@ namespace valvetriage {
 /// from the others (leave-one-out likelihood); s² ≥ 1 makes the mean squared distance of a left-out valve what it
 /// claims to be. A covariance ten times too tight would accuse good valves, one ten times too loose would miss faults.
 ///
-/// vectors     one column per valve, p rows, at least 2
+/// vectors     one column per valve, p rows, at least 2: estimates
+/// errors      p × p, covariance of their errors, the mean over the valves; what T does not have to explain. S has them
+///             in it
 /// parameters  how many of the rows stand before the knots
 /// knots       inputs of the knots, p − parameters, evenly spaced [A]
 /// Source      shrinkage: Ledoit, Wolf, J. Multivariate Analysis 88 (2004) 365
-Eigen::MatrixXd population_covariance(const Eigen::MatrixXd& vectors, Eigen::Index parameters,
-                                      const std::vector<double>& knots);
+Eigen::MatrixXd population_covariance(const Eigen::MatrixXd& vectors, const Eigen::MatrixXd& errors,
+                                      Eigen::Index parameters, const std::vector<double>& knots);
 
 }  // namespace valvetriage

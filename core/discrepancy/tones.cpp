@@ -86,7 +86,103 @@ void fit_phases(const LinearisedValve& fit, double sample_period_s, Tone& tone) 
   tone.amplitude = std::sqrt(squares / static_cast<double>(std::max<std::size_t>(fit.error().size(), 1)));
 }
 
+/// The residual while the input rests, after the valve has settled, by level.
+struct Rest {
+  double level = 0;
+  std::vector<double> power;  ///< chi-square of 2 in white noise
+  double samples = 0;
+};
+
+// A rest begins to tell this long after the step, and must last this much longer.
+constexpr double kSettling_s = 0.5, kShortestRest_s = 0.6;
+// Rests nearer than this share of the range are at one level.
+constexpr double kSameLevel = 0.03;
+
+std::vector<Rest> rests_of(const LinearisedValve& fit, double range, double sample_period_s, std::size_t length) {
+  std::vector<Rest> rests;
+  const auto settling = static_cast<std::size_t>(kSettling_s / sample_period_s);
+  const auto shortest = static_cast<std::size_t>(kShortestRest_s / sample_period_s);
+  Eigen::FFT<double> transform;
+  for (std::size_t r = 0; r < fit.error().size(); ++r) {
+    const Recording& recording = fit.problem().recording(r);
+    if (recording.sample_period_s != sample_period_s) continue;
+    const std::vector<double> error = on_grid(fit, r, recording.samples());
+    for (const Segment& segment : recording.segments) {
+      if (segment.kind != SegmentKind::kHold && segment.kind != SegmentKind::kStep) continue;
+      const std::size_t begin = segment.begin + settling, end = std::min(segment.end, begin + length);
+      if (end < begin + shortest) continue;
+      double level = 0, mean = 0;
+      for (std::size_t i = begin; i < end; ++i) {
+        level += fit.run(r).output[i] / static_cast<double>(end - begin);
+        mean += error[i] / static_cast<double>(end - begin);
+      }
+      std::vector<double> series(length, 0.0);
+      for (std::size_t i = begin; i < end; ++i) series[i - begin] = error[i] - mean;
+      std::vector<std::complex<double>> spectrum;
+      transform.fwd(spectrum, series);
+      auto known = std::find_if(rests.begin(), rests.end(),
+                                [&](const Rest& rest) { return std::abs(rest.level - level) < kSameLevel * range; });
+      if (known == rests.end()) {
+        rests.push_back({.level = level, .power = std::vector<double>(length / 2, 0.0)});
+        known = rests.end() - 1;
+      }
+      const double scale = 2 / static_cast<double>(end - begin);
+      for (std::size_t k = 0; k < length / 2; ++k) known->power[k] += scale * std::norm(spectrum[k]);
+      known->samples += static_cast<double>(end - begin);
+    }
+  }
+  return rests;
+}
+
 }  // namespace
+
+std::vector<HuntingTone> hunting_tones(const LinearisedValve& fit, double range, std::size_t most) {
+  constexpr double kLongestRest_s = 5;
+  constexpr double kReach = 0.4;  // of the range: farther from its level a cycle has died out
+  const double sample_period_s = fit.problem().recording(0).sample_period_s;
+  if (fit.weight() != 1) return {};
+  const std::size_t length = smooth_length(2 * static_cast<std::size_t>(kLongestRest_s / sample_period_s));
+  const std::vector<Rest> rests = rests_of(fit, range, sample_period_s, length);
+  const double bin_hz = 1 / (static_cast<double>(length) * sample_period_s);
+  struct Line {
+    HuntingTone tone;
+    double power;
+  };
+  std::vector<Line> lines;
+  for (const Rest& strongest : rests) {
+    const auto first = static_cast<std::size_t>(std::ceil(kFewestPeriods / kShortestRest_s / bin_hz));
+    for (std::size_t k = first; k + 1 < strongest.power.size(); ++k) {
+      const double own = strongest.power[k];
+      if (own < strongest.power[k - 1] || own <= strongest.power[k + 1]) continue;
+      Line line{.tone = {.frequency_hz = static_cast<double>(k) * bin_hz, .level = strongest.level}, .power = 0};
+      line.tone.amplitude = std::sqrt(2 * own / strongest.samples / fit.problem().inverse_variance(0));
+      for (double slope = -0.5; slope <= 0.5; slope += 0.05) {
+        double power = own;
+        for (const Rest& rest : rests) {
+          const double away = (rest.level - strongest.level) / range;
+          if (&rest == &strongest || std::abs(away) > kReach) continue;
+          const auto at = static_cast<std::size_t>(std::llround(static_cast<double>(k) * (1 + slope * away)));
+          if (at + 1 < rest.power.size()) power += rest.power[at];
+        }
+        if (power > line.power) {
+          line.power = power;
+          line.tone.slope = slope;
+        }
+      }
+      lines.push_back(line);
+    }
+  }
+  std::sort(lines.begin(), lines.end(), [](const Line& a, const Line& b) { return a.power > b.power; });
+  std::vector<HuntingTone> tones;
+  for (const Line& line : lines) {
+    if (tones.size() == most) break;
+    const bool is_known = std::any_of(tones.begin(), tones.end(), [&](const HuntingTone& t) {
+      return t.level == line.tone.level && std::abs(t.frequency_hz - line.tone.frequency_hz) < 4 * bin_hz;
+    });
+    if (!is_known) tones.push_back(line.tone);
+  }
+  return tones;
+}
 
 std::vector<Tone> strongest_tones(const LinearisedValve& fit, std::size_t most) {
   const double sample_period_s = fit.problem().recording(0).sample_period_s;

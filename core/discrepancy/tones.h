@@ -20,4 +20,19 @@ struct Tone {
 /// Cost   O(n log n)
 std::vector<Tone> strongest_tones(const LinearisedValve& fit, std::size_t most);
 
+/// A tone that only some levels have, its frequency following the level.
+struct HuntingTone {
+  double frequency_hz = 0;  ///< at the level where strongest
+  double level = 0;         ///< that level [unit of the output]
+  double slope = 0;         ///< relative change of frequency over the whole `range` of outputs
+  double amplitude = 0;     ///< at that level [unit of the output]
+};
+
+/// The likeliest of them, by the periodograms of the residual on rests of the input: summed over levels along lines
+/// f (1 + slope (level − strongest) / range).
+///
+/// most   how many, the likeliest first
+/// Cost   O(n log n)
+std::vector<HuntingTone> hunting_tones(const LinearisedValve& fit, double range, std::size_t most);
+
 }  // namespace valvetriage

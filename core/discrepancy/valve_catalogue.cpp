@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "core/discrepancy/input_lines.h"
 #include "core/discrepancy/tones.h"
@@ -13,8 +14,23 @@ namespace valvetriage {
 namespace {
 
 constexpr std::size_t kTones = 3;
+constexpr std::size_t kHuntingTones = 2;
+// A stop keeps this share of the readings at least, or it is not worth a look.
+constexpr double kAtTheStop = 0.02;
 // An abrupt change is looked for at this many instants of each recording; the fit moves them.
 constexpr int kInstants = 24;
+
+double quantile_of_readings(const LinearisedValve& fit, double share) {
+  std::vector<double> readings;
+  for (std::size_t r = 0; r < fit.problem().recordings(); ++r) {
+    const Recording& recording = fit.problem().recording(r);
+    for (const std::size_t i : fit.rows()[r].sample) readings.push_back(recording.output.values[i]);
+  }
+  if (readings.empty()) return 0;
+  const auto at = static_cast<std::ptrdiff_t>(share * static_cast<double>(readings.size() - 1));
+  std::nth_element(readings.begin(), readings.begin() + at, readings.end());
+  return readings[static_cast<std::size_t>(at)];
+}
 
 MechanismScales scales_of(const LinearisedValve& fit, const ValveFitOptions& options) {
   MechanismScales scales;
@@ -34,6 +50,8 @@ MechanismScales scales_of(const LinearisedValve& fit, const ValveFitOptions& opt
     scales.output_low = std::min(scales.output_low, *least);
     scales.output_high = std::max(scales.output_high, *most);
   }
+  scales.reading_low = quantile_of_readings(fit, kAtTheStop);
+  scales.reading_high = quantile_of_readings(fit, 1 - kAtTheStop);
   scales.output_range = 2 * options.reference_psi;
   scales.recordings = fit.problem().recordings();
   for (const Channel& channel : fit.problem().recording(0).side) {
@@ -72,6 +90,20 @@ void add_tones(const LinearisedValve& fit, const LawInFit& law, std::vector<LawV
     std::vector<double> start{tone.frequency_hz, tone.amplitude};
     start.insert(start.end(), tone.phase_rad.begin(), tone.phase_rad.end());
     variant.starts.push_back(std::move(start));
+  }
+  if (!variant.starts.empty()) variants.push_back(std::move(variant));
+}
+
+/// The phase that a cycle has where its level is entered is nobody's guess: four of them.
+void add_hunting(const LinearisedValve& fit, const MechanismScales& scales, const LawInFit& law,
+                 std::vector<LawVariant>& variants) {
+  constexpr double kWidth = 0.3, kGrowth_per_s = 10;
+  LawVariant variant{.law = law};
+  for (const HuntingTone& tone : hunting_tones(fit, scales.output_range, kHuntingTones)) {
+    for (const double phase : {0.0, 0.5, 1.0, -0.5}) {
+      variant.starts.push_back({tone.frequency_hz, tone.amplitude, tone.level, kWidth * scales.output_range, tone.slope,
+                                kGrowth_per_s, phase * std::numbers::pi});
+    }
   }
   if (!variant.starts.empty()) variants.push_back(std::move(variant));
 }
@@ -132,6 +164,8 @@ ValveCatalogue valve_catalogue(const LinearisedValve& fit, const ValveFitOptions
       }
     } else if (mechanism->cause == "periodic_disturbance") {
       add_tones(fit, law, catalogue.variants);
+    } else if (mechanism->cause == "self_oscillation") {
+      add_hunting(fit, scales, law, catalogue.variants);
     } else if (mechanism->cause == "intermittent") {
       add_instants(fit, law, catalogue.variants);
     } else if (mechanism->cause == "side_input") {

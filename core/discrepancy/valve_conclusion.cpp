@@ -49,9 +49,13 @@ Leftover leftover_of(const LinearisedValve& linear, const ValveDiagnosisOptions&
     ++groups;
     // ln of a mean of n squares scatters by √(2/n) in itself.
     const double own = std::sqrt(2.0 / group.blocks);
-    const double sd = std::sqrt((good->sd * good->sd + own * own) * (1 + 1.0 / options.good_valves));
+    const double between = good->sd * good->sd, within = own * own;
+    const double sd = std::sqrt((between + within) * (1 + 1.0 / options.good_valves));
     const double t = (group.log_ratio - good->mean) / sd;
-    const boost::math::students_t student(options.good_valves - 1 + 0.5 * group.blocks * 0.1);
+    // Freedoms of a sum of variances: Satterthwaite, Biometrics Bulletin 2 (1946) 110.
+    const double freedoms = std::pow(between + within, 2) /
+                            (between * between / (options.good_valves - 1) + within * within / group.blocks);
+    const boost::math::students_t student(freedoms);
     const double p = boost::math::cdf(boost::math::complement(student, t));
     if (p < 0.01) {
       leftover.findings.push_back({.what = "more slow residual than any good valve leaves",

@@ -28,6 +28,8 @@ constexpr std::size_t kMostJointFits = 4;
 constexpr double kLeastForecast = 0.05;
 constexpr double kInTheRace = 30;
 constexpr std::size_t kGoodValveJointFits = 3;
+// 2 ln of the instants or tones tried: a search over more than fifty of them.
+constexpr double kLongSearch = 8;
 constexpr int kJointSteps = 12;
 constexpr std::size_t kMostStarts = 12;
 // A residual this many times slower than white noise has bent the baseline.
@@ -71,13 +73,27 @@ Size size_of(const Mechanism& law, double size, double sd) {
   return {1 / size, sd / (size * size)};
 }
 
+/// The size of a law in a good valve where the recordings tell of it: none where its evidence is what noise gives, by
+/// five standard errors where it could stand at any instant, tone or level.
+double size_told(const Tested& tested, double evidence, double size) {
+  const double neutral = tested.fit.law.law->neutral;
+  const double searched = tested.noise_reduction - static_cast<double>(tested.fit.freedoms);
+  const bool stands_out = evidence - std::max(0.0, searched) >= kLeastEvidence;
+  const bool is_short = std::isfinite(neutral) && searched < kLongSearch;
+  const bool is_told = stands_out || (is_short && evidence > tested.noise_reduction);
+  return is_told ? size : neutral;
+}
+
 /// By the evidence or by the size, whichever tells more; two tests are paid for. What good valves show at this size as
 /// well is no fault, however surely it is there.
 double p_value_of(const Tested& tested, double evidence, double size, const ValveDiagnosisOptions& options) {
   const CauseOnGoodValves* good = on_good_valves(options.causes, tested.cause());
   const double by_evidence = good_valve_p_value(evidence, tested.fit.freedoms, tested.noise_reduction,
                                                 good ? good->evidence_mean : 0, options.good_valves);
-  const bool has_size = good && (std::isfinite(tested.fit.law.law->neutral) || good->size_mean > 0);
+  // Where good valves show none, their spread is not known: the evidence alone tells. So it does for a change in one
+  // recording, whose size weighs by how long it lasts.
+  const bool is_comparable = std::isfinite(tested.fit.law.law->neutral) || (good && good->size_mean > 0);
+  const bool has_size = good && good->size_sd > 0 && is_comparable && !tested.fit.law.recording;
   if (!has_size) return by_evidence;
   const double searched = std::max(0.0, tested.noise_reduction - static_cast<double>(tested.fit.freedoms));
   const Size own = size_of(*tested.fit.law.law, size, 0);
@@ -254,6 +270,40 @@ JointFits fit_jointly(const std::vector<const Tested*>& racing, const Explanatio
   return joint;
 }
 
+std::string cause_of(const Explanation& explanation) {
+  return std::string(explanation.laws.back().law.law->cause);
+}
+
+/// A law fitted together with the valve, before it is compared. `error` is what the valve alone leaves at the rows.
+Ranked ranked_fit(const Tested& tested, double cost_beside, const Stack& error, const Explanation& fitted,
+                  const Contest& contest, double laws, const ValveDiagnosisOptions& options) {
+  Ranked r{.cause = tested.cause(), .fitted_jointly = true};
+  r.reduction = cost_beside - fitted.cost;
+  r.residual = residual_at_rows(fitted);
+  r.evidence = evidence_of(r.reduction, consistent_evidence(error, r.residual, r.reduction, contest.weight));
+  r.log_likelihood = rank_of(tested, r.reduction, options.causes, contest.inflation, contest.samples);
+  r.penalty = fitted.cost - contest.weight * squares_of(r.residual);
+  r.p_value = p_value_of(tested, r.evidence, size_in(fitted), options);
+  const double searched = std::max(0.0, tested.noise_reduction - static_cast<double>(tested.fit.freedoms));
+  r.stands_out = r.evidence - searched >= kLeastEvidence && laws * r.p_value <= kFalseAlarm;
+  return r;
+}
+
+/// Who wins among the entries, and with which probabilities; nobody where none stands out.
+void settle(Contest& contest, double laws) {
+  const Ranked* best = nullptr;
+  for (const Ranked& r : contest.entries) {
+    if (r.stands_out && (!best || r.log_likelihood > best->log_likelihood)) best = &r;
+  }
+  contest.ranked = contest.entries;
+  if (!best) return;
+  contest.cause = best->cause;
+  contest.p_value = std::min(1.0, laws * best->p_value);
+  keep_consistent(*best, contest.weight, contest.ranked);
+  normalise(contest.cause, contest.ranked);
+  keep_margins(contest.cause, contest.ranked);
+}
+
 /// Whether the fit has bent towards a fault: it leaves a residual far slower than noise, or it had to go where good
 /// valves are not.
 bool is_bent(const LinearisedValve& linear, const Explanation& beside) {
@@ -332,49 +382,64 @@ Contest hold_contest(const Explanation& beside, const ValveDiagnosisOptions& opt
   const double laws = static_cast<double>(contest.survey.tested.size());
 
   JointFits joint = fit_jointly(racing, beside, bent);
-  const auto rank = [&](const Tested& tested, double reduction) {
-    return rank_of(tested, reduction, options.causes, joint.inflation, linear.samples());
-  };
-  std::optional<std::size_t> best;
+  contest.inflation = joint.inflation;
+  contest.samples = linear.samples();
+  contest.weight = linear.weight();
   for (std::size_t i = 0; i < racing.size(); ++i) {
-    const Tested& tested = *racing[i];
-    Ranked r{.cause = tested.cause(), .fitted_jointly = true};
-    r.reduction = beside.cost - joint.fitted[i].cost;
-    r.residual = residual_at_rows(joint.fitted[i]);
-    r.evidence =
-        evidence_of(r.reduction, consistent_evidence(linear.error(), r.residual, r.reduction, linear.weight()));
-    r.log_likelihood = rank(tested, r.reduction);
-    r.penalty = joint.fitted[i].cost - linear.weight() * squares_of(r.residual);
-    r.p_value = p_value_of(tested, r.evidence, size_in(joint.fitted[i]), options);
-    contest.ranked.push_back(std::move(r));
-    const double p = std::min(1.0, laws * contest.ranked.back().p_value);
-    const double searched = std::max(0.0, tested.noise_reduction - static_cast<double>(tested.fit.freedoms));
-    const bool stands_out = contest.ranked.back().evidence - searched >= kLeastEvidence && p <= kFalseAlarm;
-    if (!stands_out || (best && contest.ranked.back().log_likelihood <= contest.ranked[*best].log_likelihood)) continue;
-    best = i;
-    contest.p_value = p;
+    contest.entries.push_back(
+        ranked_fit(*racing[i], beside.cost, linear.error(), joint.fitted[i], contest, laws, options));
   }
-  if (!best) return contest;
   for (const Tested& tested : contest.survey.tested) {
     const bool refitted = std::any_of(racing.begin(), racing.end(), [&](const Tested* r) { return r == &tested; });
     if (refitted) continue;
     Ranked r{.cause = tested.cause(), .reduction = tested.fit.verified, .evidence = tested.evidence};
-    r.log_likelihood = rank(tested, tested.fit.verified);
+    r.log_likelihood = rank_of(tested, tested.fit.verified, options.causes, contest.inflation, contest.samples);
     r.p_value = tested.p_value;
     r.residual = tested.fit.residual;
     r.penalty = linear.cost() - tested.fit.reduction - linear.weight() * squares_of(tested.fit.residual);
-    contest.ranked.push_back(std::move(r));
+    contest.entries.push_back(std::move(r));
   }
-  const std::string winner = racing[*best]->cause();
-  keep_consistent(contest.ranked[*best], linear.weight(), contest.ranked);
-  normalise(winner, contest.ranked);
-  keep_margins(winner, contest.ranked);
-  contest.cause = winner;
-  for (std::size_t i = 0; i < joint.fitted.size(); ++i) {
-    if (i != *best) contest.rivals.push_back(std::move(joint.fitted[i]));
+  settle(contest, laws);
+  for (Explanation& fitted : joint.fitted) {
+    if (!contest.cause.empty() && cause_of(fitted) == contest.cause) {
+      contest.best = std::move(fitted);
+    } else {
+      contest.rivals.push_back(std::move(fitted));
+    }
   }
-  contest.best = std::move(joint.fitted[*best]);
   return contest;
+}
+
+Contest held_again(const Contest& contest, const Explanation& beside, const Explanation& better,
+                   const ValveDiagnosisOptions& options) {
+  Contest again;
+  again.entries = contest.entries;
+  again.survey = contest.survey;
+  again.inflation = contest.inflation;
+  again.samples = contest.samples;
+  again.weight = contest.weight;
+  const std::string cause = cause_of(better);
+  const auto tested = std::find_if(again.survey.tested.begin(), again.survey.tested.end(),
+                                   [&](const Tested& t) { return t.cause() == cause; });
+  const double laws = static_cast<double>(again.survey.tested.size());
+  if (tested != again.survey.tested.end()) {
+    std::erase_if(again.entries, [&](const Ranked& r) { return r.cause == cause; });
+    again.entries.push_back(ranked_fit(*tested, beside.cost, residual_at_rows(beside), better, again, laws, options));
+  }
+  settle(again, laws);
+  const auto take = [&](const Explanation& fitted) {
+    if (cause_of(fitted) == again.cause) {
+      again.best = fitted.copy();
+    } else {
+      again.rivals.push_back(fitted.copy());
+    }
+  };
+  take(better);
+  if (contest.best && contest.cause != cause) take(*contest.best);
+  for (const Explanation& rival : contest.rivals) {
+    if (cause_of(rival) != cause) take(rival);
+  }
+  return again;
 }
 
 GoodValveSurvey survey_good_valve(std::span<const Recording> recordings, const ValveFit& fit,
@@ -390,9 +455,13 @@ GoodValveSurvey survey_good_valve(std::span<const Recording> recordings, const V
   for (std::size_t i = 0; i < survey.tested.size(); ++i) {
     const Tested& tested = survey.tested[i];
     double evidence = tested.evidence, size = tested.size();
-    // A forecast that the simulation bears out needs no fit of everything together.
-    if (i < kGoodValveJointFits && forecast(tested) > kLeastEvidence && tested.evidence < 0.5 * tested.promise) {
-      const Explanation fitted = extend(nothing, tested.fit, kJointSteps, nothing.cost);
+    // A forecast that the simulation bears out needs no fit of everything together. A law of memory does: the valve's
+    // own loop can take its place, which no forecast sees.
+    const bool is_open =
+        i < kGoodValveJointFits && forecast(tested) > kLeastEvidence && tested.evidence < 0.5 * tested.promise;
+    if (is_open || tested.fit.law.law->family == "memory") {
+      const std::vector<JointStart> starts{{nothing.v, tested.fit.shape}};
+      const Explanation fitted = extend(nothing, tested.fit, kJointSteps, nothing.cost, starts);
       const Stack left = residual_at_rows(fitted);
       const double reduction = std::max(0.0, nothing.cost - fitted.cost);
       const double found =
@@ -402,7 +471,7 @@ GoodValveSurvey survey_good_valve(std::span<const Recording> recordings, const V
         size = size_in(fitted);
       }
     }
-    seen.causes.push_back({tested.cause(), evidence, size});
+    seen.causes.push_back({tested.cause(), evidence, size_told(tested, evidence, size)});
   }
   for (const LeftoverGroup& group : leftover_groups(linear, 2 * options.reference_psi)) {
     if (std::isfinite(group.log_ratio)) seen.leftovers.emplace_back(group.group, group.log_ratio);

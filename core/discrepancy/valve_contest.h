@@ -42,6 +42,7 @@ struct Ranked {
   double penalty = 0;    ///< of the cost, what is not in the residual
   double probability = 0;
   bool fitted_jointly = false;  ///< together with the valve
+  bool stands_out = false;      ///< from what good valves show, all laws searched
 };
 
 /// A cause beside given others: the best of its rivals with their probabilities.
@@ -50,13 +51,20 @@ struct Contest {
   std::string cause;                ///< of the best
   double p_value = 1;               ///< of the best in a good valve, all laws searched
   std::vector<Ranked> ranked;       ///< by probability
+  std::vector<Ranked> entries;      ///< the same before they are compared
   std::vector<Explanation> rivals;  ///< of the others, those that were fitted together with the valve
   Survey survey;
+  double inflation = 1, samples = 0, weight = 1;  ///< of the comparison
 };
 
 /// Surveys the laws beside an explanation and lets the best of them compete in joint fits. Laws of a family that is in
 /// the explanation already take no part: two causes of one family explain each other's leftovers, not the valve.
 Contest hold_contest(const Explanation& beside, const ValveDiagnosisOptions& options);
+
+/// The contest again where one of its laws turned out to fit better than its search had found: `better` is `beside`
+/// with that law alone.
+Contest held_again(const Contest& contest, const Explanation& beside, const Explanation& better,
+                   const ValveDiagnosisOptions& options);
 
 /// What good valves show of a cause; null where the reference does not know.
 const CauseOnGoodValves* on_good_valves(std::span<const CauseOnGoodValves> causes, std::string_view cause);

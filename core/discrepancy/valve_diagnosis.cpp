@@ -28,6 +28,7 @@ class Diagnosis {
       while (explanation.laws.size() < static_cast<std::size_t>(kMostCauses) && add_one(explanation)) {
       }
       if (explanation.laws.size() > 1) reconsider(explanation);
+      if (explanation.laws.size() == 1) compare_alone(explanation);
     }
     return conclude({baseline_, explanation, places_, first_}, options_);
   }
@@ -76,6 +77,17 @@ class Diagnosis {
       }
       ++i;
     }
+  }
+
+  /// The one that is left of several is not the one that won alone: the two are compared as they fit now.
+  void compare_alone(Explanation& explanation) {
+    if (explanation.laws.front().law.law->cause == first_.cause) return;
+    Contest again = held_again(first_, baseline_, explanation, options_);
+    if (!again.best) return;
+    explanation = again.best->copy();
+    places_.front() = {again.ranked, {}, again.p_value};
+    for (const Explanation& rival : again.rivals) places_.front().rivals.push_back(rival.copy());
+    first_ = std::move(again);
   }
 
   /// How a cause did beside the baseline alone: nothing for it where another one won.

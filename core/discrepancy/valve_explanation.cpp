@@ -12,6 +12,8 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr int kIterationsAtATime = 4;
+// Where several starts compete; the others end up at the same place or far from it.
+constexpr int kScoutIterations = 3;
 // A quarter of a noise variance in 24,000 samples: far below what any decision turns on.
 constexpr double kSmallestGain = 1e-5;
 
@@ -36,7 +38,7 @@ Model Explanation::model() const {
   std::vector<double> outputs(knots.data(), knots.data() + knots.size());
   outputs = monotone_regression(outputs, std::vector<double>(outputs.size(), 1.0));
   Model model = to_model(to_parameters(v.head(ValveFitProblem::kParameters), options->reference_psi),
-                         {options->knots, outputs}, options->gauge_lag_s);
+                         {options->knots, outputs}, options->usual);
   for (std::size_t l = 0; l < options->laws.size(); ++l) {
     const LawInFit& law = options->laws[l];
     MechanismUse use{.cause = std::string(law.law->cause),
@@ -93,14 +95,14 @@ Explanation extend(const Explanation& explanation, const LawFit& law, int most_i
   extended.cost = std::numeric_limits<double>::infinity();
   int done = 0;
   if (!others.empty()) {
-    Descent best = descend(problem, extended.v, kIterationsAtATime, kSmallestGain);
+    Descent best = descend(problem, extended.v, kScoutIterations, kSmallestGain);
     for (const JointStart& other : others) {
-      Descent descent = descend(problem, start_at(other.baseline, other.parameters), kIterationsAtATime, kSmallestGain);
+      Descent descent = descend(problem, start_at(other.baseline, other.parameters), kScoutIterations, kSmallestGain);
       if (descent.cost < best.cost) best = std::move(descent);
     }
     extended.v = std::move(best.v);
     extended.cost = best.cost;
-    done = kIterationsAtATime;
+    done = kScoutIterations;
   }
   for (; done < most_iterations; done += kIterationsAtATime) {
     Descent descent = descend(problem, extended.v, kIterationsAtATime, kSmallestGain);

@@ -30,6 +30,7 @@ std::vector<ValveParameters> starting_points(const ValveFitOptions& options, std
     ValveParameters start;
     start.spool = {.delay_s = period, .natural_frequency_rad_s = 4.0 / (samples * period), .damping_ratio = 1.0};
     start.loop_width_a = 0.002;
+    start.narrow_loop_width_a = 0.001;
     start.volume = {.time_constant_s = samples * period, .exponent = 0.6, .supply_psi = 5 * options.reference_psi};
     fan.push_back(start);
   }
@@ -117,7 +118,7 @@ VectorXd to_vector(const ValveParameters& parameters) {
   VectorXd v(static_cast<Index>(kValveParameters.size()));
   v << std::log(parameters.spool.natural_frequency_rad_s), std::log(parameters.spool.damping_ratio),
       parameters.spool.delay_s, parameters.loop_width_a, std::log(parameters.volume.time_constant_s),
-      parameters.volume.exponent, std::log(parameters.volume.supply_psi);
+      parameters.volume.exponent, std::log(parameters.volume.supply_psi), parameters.narrow_loop_width_a;
   return v;
 }
 
@@ -127,7 +128,8 @@ ValveParameters to_parameters(const VectorXd& v, double reference_psi) {
           .volume = {.time_constant_s = std::exp(v(4)),
                      .exponent = v(5),
                      .supply_psi = std::exp(v(6)),
-                     .reference_psi = reference_psi}};
+                     .reference_psi = reference_psi},
+          .narrow_loop_width_a = v(7)};
 }
 
 Result<std::vector<double>> map_knots(std::span<const Recording> recordings) {
@@ -186,22 +188,38 @@ Result<ValveFit> fit_valve(std::span<const Recording> recordings, const ValveFit
   return fit;
 }
 
-Model to_model(const ValveParameters& parameters, const StaticMap& map, double gauge_lag_s) {
+MagneticLoop loop_of(const ValveParameters& parameters, const UsualMechanisms& usual, double memory) {
+  const double narrow = parameters.narrow_loop_width_a, wide = parameters.loop_width_a;
+  MagneticLoop loop{.width_a = narrow + wide, .memory = memory};
+  if (!(loop.width_a > 0)) return loop;
+  loop.shares = usual.loop_shares;
+  for (double& share : loop.shares) share *= wide / loop.width_a;
+  loop.shares[0] += narrow / loop.width_a;
+  return loop;
+}
+
+Model to_model(const ValveParameters& parameters, const StaticMap& map, const UsualMechanisms& usual) {
   Model model;
   model.kind = "valve";
   model.input_unit = "A";
   model.output_unit = "psi";
-  model.loop = MagneticLoop{.width_a = parameters.loop_width_a};
+  model.loop = loop_of(parameters, usual);
   model.dynamics = to_transfer_function(parameters.spool);
   model.map = map;
   model.volume = parameters.volume;
-  if (gauge_lag_s > 0) model.mechanisms.push_back({.cause = "extra_lag", .parameters = {gauge_lag_s}});
+  if (usual.gauge_lag_s > 0) model.mechanisms.push_back({.cause = "extra_lag", .parameters = {usual.gauge_lag_s}});
   return model;
 }
 
-double gauge_lag_s(const Model& model) {
-  if (model.mechanisms.empty() || model.mechanisms.front().cause != "extra_lag") return 0;
-  return model.mechanisms.front().parameters.front();
+UsualMechanisms usual_mechanisms(const Model& model) {
+  UsualMechanisms usual;
+  if (model.loop && model.loop->shares[0] < 1) {
+    const double wide = 1 - model.loop->shares[0];
+    for (std::size_t k = 1; k < usual.loop_shares.size(); ++k) usual.loop_shares[k] = model.loop->shares[k] / wide;
+  }
+  const bool has_gauge = !model.mechanisms.empty() && model.mechanisms.front().cause == "extra_lag";
+  if (has_gauge) usual.gauge_lag_s = model.mechanisms.front().parameters.front();
+  return usual;
 }
 
 }  // namespace valvetriage

@@ -17,9 +17,10 @@ namespace valvetriage {
 /// The physical parameters of a valve, beside its static map. Each but the delay and the exponent is positive and is
 /// estimated in its logarithm.
 struct ValveParameters {
-  ValveDynamics spool;      ///< delay, natural frequency and damping of coil and spool
-  double loop_width_a = 0;  ///< magnetic loop, ≥ 0 [A]
-  OrificeVolume volume;     ///< time constant, flow exponent, supply pressure
+  ValveDynamics spool;             ///< delay, natural frequency and damping of coil and spool
+  double loop_width_a = 0;         ///< magnetic loop, ≥ 0 [A]
+  OrificeVolume volume;            ///< time constant, flow exponent, supply pressure
+  double narrow_loop_width_a = 0;  ///< what dry friction of a good spool adds to it at small reversals, ≥ 0 [A]
 };
 
 /// One entry of the parameter vector.
@@ -30,13 +31,14 @@ struct ValveParameterInfo {
 };
 
 /// Entries of the parameter vector, in order; the map's knot outputs follow behind them.
-inline constexpr std::array<ValveParameterInfo, 7> kValveParameters{{{"natural_frequency_rad_s", "rad/s", true},
+inline constexpr std::array<ValveParameterInfo, 8> kValveParameters{{{"natural_frequency_rad_s", "rad/s", true},
                                                                      {"damping_ratio", "", true},
                                                                      {"delay_s", "s", false},
                                                                      {"loop_width_A", "A", false},
                                                                      {"volume_time_constant_s", "s", true},
                                                                      {"flow_exponent", "", false},
-                                                                     {"supply_psi", "psi", true}}};
+                                                                     {"supply_psi", "psi", true},
+                                                                     {"narrow_loop_width_A", "A", false}}};
 
 /// To the vector's first entries, logarithms taken, and back. `reference_psi` is where the time constant holds.
 Eigen::VectorXd to_vector(const ValveParameters& parameters);
@@ -50,6 +52,17 @@ struct ValvePrior {
 
 /// The prior for a new valve from n good ones: their covariance, and the uncertainty of a mean over n on top.
 ValvePrior population_prior(Eigen::VectorXd mean, Eigen::MatrixXd covariance, double valves);
+
+/// What good valves of one type share and a single valve does not tell apart from its spool: known beforehand, not
+/// fitted. Nothing by default.
+struct UsualMechanisms {
+  double gauge_lag_s = 0;  ///< first-order lag of the gauge, ≥ 0 [s]
+  /// Shape of the magnetic loop: how its width is shared, without the narrowest, which is a parameter of each valve.
+  MagneticLoop::Shares loop_shares{0, 1.0 / 3, 1.0 / 3, 1.0 / 3};
+};
+
+/// Both loops of a valve as one.
+MagneticLoop loop_of(const ValveParameters& parameters, const UsualMechanisms& usual, double memory = 0);
 
 /// A physical cause that takes part in a fit: its law, bounds and starting point, and where it acts.
 struct LawInFit {
@@ -69,7 +82,7 @@ struct ValveFitOptions {
   std::optional<ValvePrior> prior;       ///< the population; empty: physics' own wide preferences and a smooth map
   std::optional<ValveParameters> start;  ///< instead of the fan of starting points
   std::vector<LawInFit> laws;            ///< fitted together with the valve
-  double gauge_lag_s = 0;                ///< first-order lag of the gauge, known beforehand and not fitted [s]
+  UsualMechanisms usual;                 ///< part of every simulation
   int most_iterations = 40;
 };
 
@@ -111,9 +124,9 @@ double reference_pressure(std::span<const Recording> recordings);
 
 /// Parameters and map as a Model: kind "valve", dynamics in the s domain; the gauge as an `extra_lag`, first among its
 /// mechanisms, where it has a lag.
-Model to_model(const ValveParameters& parameters, const StaticMap& map, double gauge_lag_s = 0);
+Model to_model(const ValveParameters& parameters, const StaticMap& map, const UsualMechanisms& usual = {});
 
-/// The lag of the gauge in such a model, 0 without one [s].
-double gauge_lag_s(const Model& model);
+/// What such a model has of them.
+UsualMechanisms usual_mechanisms(const Model& model);
 
 }  // namespace valvetriage

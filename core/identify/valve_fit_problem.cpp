@@ -17,11 +17,13 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-enum Parameter : Index { kFrequency, kDamping, kDelay, kLoop, kTimeConstant, kExponent, kSupply };
+enum Parameter : Index { kFrequency, kDamping, kDelay, kLoop, kTimeConstant, kExponent, kSupply, kNarrowLoop };
 enum Start : Index { kSpoolRate, kSpoolPosition, kPressureGap, kMemory };
 
 // Physics' own preferences where no population is known.
 constexpr double kExponentMean = 0.6, kExponentSd = 0.25;
+// A good spool's friction is a few milliamperes: recordings without reversals do not tell it from the wide loop.
+constexpr double kNarrowLoopSd_a = 0.01;
 constexpr double kSupplyOverReference = 5.0, kSupplyLogSd = 0.7;  // reference is half of the largest pressure
 // Second differences of the map over one knot are a few psi at most on a valve of 200 psi; ten of them are allowed.
 constexpr double kMapBend_psi = 30.0;
@@ -59,6 +61,8 @@ ValveFitProblem::ValveFitProblem(std::span<const Recording> recordings, const Va
       prepared.ends_s.push_back(prepared.time_s.back() + recording.sample_period_s);
     }
     prepared.ends_driver = interleaved_driver(prepared.input);
+    prepared.gate = loop_gate(prepared.input);
+    prepared.driver = loop_driver(prepared.input, prepared.gate);
     samples += recording.samples();
     prepared_.push_back(std::move(prepared));
   }
@@ -108,6 +112,7 @@ void ValveFitProblem::set_bounds() {
   bound(kDamping, std::log(0.05), std::log(20.0), 1e-4);
   bound(kDelay, 0, 0.25 * longest, 1e-3 * period);
   bound(kLoop, 0, 0.5 * range, 1e-6);
+  bound(kNarrowLoop, 0, 0.5 * range, 1e-6);
   bound(kTimeConstant, std::log(0.2 * period), std::log(longest), 1e-4);
   bound(kExponent, 0.2, 1.5, 1e-4);
   bound(kSupply, std::log(2.05 * reference), std::log(200 * reference), 1e-4);
@@ -126,6 +131,7 @@ void ValveFitProblem::set_preferences() {
     precision_(j, j) = 1 / (sd * sd);
   };
   prefer(kExponent, kExponentMean, kExponentSd);
+  prefer(kNarrowLoop, 0, kNarrowLoopSd_a);
   prefer(kSupply, std::log(kSupplyOverReference * options_.reference_psi), kSupplyLogSd);
   constexpr double kStencil[3] = {1, -2, 1};
   for (Index k = 1; k + 1 < knots_; ++k) {
@@ -244,9 +250,7 @@ ValveFitProblem::Blocks ValveFitProblem::blocks_of(const VectorXd& v, std::size_
   for (std::size_t l = 0; l < options_.laws.size(); ++l) {
     const LawInFit& law = options_.laws[l];
     if (!law.law->reshape || !acts(law, recording)) continue;
-    MagneticLoop loop{.width_a = blocks.valve.loop_width_a};
-    law.law->reshape(law_parameters(v, l, recording), {loop, blocks.valve.spool, blocks.valve.volume, blocks.friction});
-    blocks.valve.loop_width_a = loop.width_a;
+    law.law->reshape(law_parameters(v, l, recording), {blocks.valve.spool, blocks.valve.volume, blocks.friction});
   }
   return blocks;
 }
@@ -282,11 +286,14 @@ void ValveFitProblem::run_position(const VectorXd& v, std::size_t recording, std
   const Prepared& prepared = prepared_[recording];
   const Blocks blocks = blocks_of(v, recording);
   const double memory = v(own_at(recording) + kMemory);
-  const MagneticLoop loop{.width_a = blocks.valve.loop_width_a, .memory = memory};
+  const MagneticLoop loop = loop_of(blocks.valve, options_.usual, memory);
   const double period_s = prepared.recording->sample_period_s;
   const SampledValveDynamics spool(blocks.valve.spool, period_s);
-  const IntervalSignal moved = behind_input_laws(v, recording);
-  const IntervalSignal force = loop.apply(moved, loop_driver(moved));
+  const bool is_moved = std::any_of(options_.laws.begin(), options_.laws.end(),
+                                    [&](const LawInFit& law) { return acts_at(law, Place::kInput, recording); });
+  const IntervalSignal moved = is_moved ? behind_input_laws(v, recording) : IntervalSignal{};
+  const IntervalSignal force =
+      is_moved ? loop.apply(moved, loop_driver(moved, prepared.gate)) : loop.apply(prepared.input, prepared.driver);
   position.resize(prepared.input.start.size());
   if (blocks.friction.breakaway_a > 0) {
     run_sliding_spool(blocks.valve.spool, blocks.friction, period_s, force, memory, position);
@@ -314,7 +321,7 @@ ValveFitProblem::Run ValveFitProblem::run(const VectorXd& v, std::size_t recordi
   const double first = run.steady.front() + v(own_at(recording) + kPressureGap);
   run_volume(blocks_of(v, recording).valve.volume, prepared_[recording].recording->sample_period_s, first, run.steady,
              run.pressure, tangents ? &run.tangent : nullptr);
-  read_behind_lag(options_.gauge_lag_s, prepared_[recording].recording->sample_period_s, run.pressure);
+  read_behind_lag(options_.usual.gauge_lag_s, prepared_[recording].recording->sample_period_s, run.pressure);
   run.output = run.pressure;
   apply_laws(Place::kOutput, v, recording, run.steady, run.output, tangents ? &run.before_output : nullptr);
   return run;
@@ -403,17 +410,23 @@ class ValveFitProblem::Columns {
 
   /// ∂output / ∂v(entry).
   std::vector<double> of(Index entry, double step) const {
+    const Index own_entry = entry - problem_.own_at(recording_);
+    if (own_entry == kPressureGap) return gap_change();
+    if ((own_entry == kSpoolRate || own_entry == kSpoolPosition) && !has_position_laws()) {
+      return spool_start_change(own_entry);
+    }
     VectorXd w = v_;
     w(entry) += step;
     if (in_two_places(entry)) return whole_change(w, step);
     const Blocks here = problem_.blocks_of(v_, recording_), there = problem_.blocks_of(w, recording_);
     std::vector<double> change;
     const bool moves = moves_position(entry) || here.valve.loop_width_a != there.valve.loop_width_a ||
+                       here.valve.narrow_loop_width_a != there.valve.narrow_loop_width_a ||
                        differ(here.valve.spool, there.valve.spool) || !(here.friction == there.friction);
     if (moves) {
       change = position_change(w, step);
       carry_steady(change);
-    } else if (!(here.valve.volume == there.valve.volume) || entry == problem_.own_at(recording_) + kPressureGap) {
+    } else if (!(here.valve.volume == there.valve.volume)) {
       change = volume_change(w, there.valve.volume, step);
     } else {
       change = behind_map(w, step);
@@ -440,7 +453,7 @@ class ValveFitProblem::Columns {
   }
   bool moves_position(Index entry) const {
     const Index own = problem_.own_at(recording_);
-    if (entry == own + kSpoolRate || entry == own + kSpoolPosition || entry == own + kMemory) return true;
+    if (entry >= own && entry < own + kStarts && entry != own + kPressureGap) return true;
     for (std::size_t l = 0; l < problem_.options_.laws.size(); ++l) {
       const LawInFit& law = problem_.options_.laws[l];
       if (law.law->place != Place::kInput && law.law->place != Place::kPosition) continue;
@@ -467,6 +480,37 @@ class ValveFitProblem::Columns {
            (entry >= own && entry < own + static_cast<Index>(law.own()));
   }
 
+  bool has_position_laws() const {
+    return std::any_of(problem_.options_.laws.begin(), problem_.options_.laws.end(),
+                       [&](const LawInFit& law) { return problem_.acts_at(law, Place::kPosition, recording_); });
+  }
+
+  /// The spool's own return from a start off its rest, which nothing before the map changes.
+  std::vector<double> spool_start_change(Index state) const {
+    const SampledValveDynamics spool(problem_.blocks_of(v_, recording_).valve.spool, period_s());
+    SampledValveDynamics::State free = SampledValveDynamics::State::Unit(2, state == kSpoolRate ? 0 : 1);
+    std::vector<double> change(base_.position.size(), 0.0);
+    for (std::size_t i = 0; i < change.size() && free.squaredNorm() > 1e-24; ++i) {
+      change[i] = slope_[i] * free(1);
+      free = spool.transition().lazyProduct(free).eval();
+    }
+    carry_steady(change);
+    return change;
+  }
+
+  /// A volume that starts off its steady pressure returns as its tangent does.
+  std::vector<double> gap_change() const {
+    std::vector<double> change(base_.pressure.size());
+    double p = 1;
+    for (std::size_t i = 0; i < change.size(); ++i) {
+      change[i] = p;
+      p *= base_.tangent.keep[i];
+    }
+    read_behind_lag(problem_.options_.usual.gauge_lag_s, period_s(), change);
+    problem_.output_tangents(v_, recording_, base_, change);
+    return change;
+  }
+
   std::vector<double> position_change(const VectorXd& w, double step) const {
     std::vector<double> moved;
     problem_.run_position(w, recording_, moved);
@@ -478,7 +522,7 @@ class ValveFitProblem::Columns {
     std::vector<double> moved(base_.steady.size());
     const double first = base_.steady.front() + w(problem_.own_at(recording_) + kPressureGap);
     run_volume(volume, period_s(), first, base_.steady, moved);
-    read_behind_lag(problem_.options_.gauge_lag_s, period_s(), moved);
+    read_behind_lag(problem_.options_.usual.gauge_lag_s, period_s(), moved);
     for (std::size_t i = 0; i < moved.size(); ++i) moved[i] = (moved[i] - base_.pressure[i]) / step;
     problem_.output_tangents(v_, recording_, base_, moved);
     return moved;
@@ -515,7 +559,7 @@ class ValveFitProblem::Columns {
       change[i] = p;
       p = base_.tangent.keep[i] * p + base_.tangent.pass[i] * both;
     }
-    read_behind_lag(problem_.options_.gauge_lag_s, period_s(), change);
+    read_behind_lag(problem_.options_.usual.gauge_lag_s, period_s(), change);
   }
 
   double period_s() const { return problem_.prepared_[recording_].recording->sample_period_s; }

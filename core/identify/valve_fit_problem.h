@@ -95,6 +95,8 @@ class ValveFitProblem {
     std::vector<double> time_s;       ///< of each sample, from the recording's start
     std::vector<double> ends_s;       ///< start and end of each interval
     std::vector<double> ends_driver;  ///< the input there, without its noise
+    double gate = 0;                  ///< of the loop's driver
+    std::vector<double> driver;       ///< of the loop, where no law acts on the input
     double inverse_variance = 1;
   };
 

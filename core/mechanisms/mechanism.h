@@ -6,7 +6,6 @@
 #include <string_view>
 #include <vector>
 
-#include "core/model/magnetic_loop.h"
 #include "core/model/orifice_volume.h"
 #include "core/model/spool_friction.h"
 #include "core/model/valve_dynamics.h"
@@ -40,11 +39,12 @@ struct MechanismScales {
   double sample_period_s = 0;  ///< shortest
   double longest_s = 0;        ///< longest recording
   double input_low = 0, input_high = 0;
-  double output_low = 0, output_high = 0;  ///< of the simulation without the law
-  double output_range = 0;                 ///< R: the reference's range, else output_high − output_low
-  double slope = 0;                        ///< steepest output per input of the model, for sizes in output units
-  std::size_t recordings = 1;              ///< of the session
-  std::vector<double> side_range;          ///< largest minus smallest value of each side channel
+  double output_low = 0, output_high = 0;    ///< of the simulation without the law
+  double reading_low = 0, reading_high = 0;  ///< where the lowest and highest readings stay; both 0: not known
+  double output_range = 0;                   ///< R: the reference's range, else output_high − output_low
+  double slope = 0;                          ///< steepest output per input of the model, for sizes in output units
+  std::size_t recordings = 1;                ///< of the session
+  std::vector<double> side_range;            ///< largest minus smallest value of each side channel
 };
 
 /// A point of the parameters with its bounds, all of the same length as the law's parameters.
@@ -72,7 +72,6 @@ struct LawContext {
 
 /// The valve's blocks, whose parameters a kPhysics law changes.
 struct ValveBlocks {
-  MagneticLoop& loop;
   ValveDynamics& spool;
   OrificeVolume& volume;
   SpoolFriction& friction;

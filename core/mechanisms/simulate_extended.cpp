@@ -74,20 +74,18 @@ Result<Model> reshaped(Model model, std::span<const Law> laws) {
   for (const Law& law : laws) {
     const Mechanism& mechanism = *law.mechanism;
     if (!mechanism.reshape || (mechanism.blocks_alone && !model.map)) continue;
-    MagneticLoop loop = model.loop.value_or(MagneticLoop{});
     ValveDynamics spool{.delay_s = model.dynamics.delay_s};
     OrificeVolume volume = model.volume.value_or(OrificeVolume{});
     if (volume.highest_psi == 0 && model.map) volume.highest_psi = model.map->output.back();
     const OrificeVolume before = volume;
     SpoolFriction friction = model.friction.value_or(SpoolFriction{});
-    mechanism.reshape(law.parameters, {loop, spool, volume, friction});
+    mechanism.reshape(law.parameters, {spool, volume, friction});
     if (friction.breakaway_a > 0) model.friction = friction;
     const bool needs_volume = mechanism.place == Place::kPhysics && !(volume == before);
     if (needs_volume && !model.volume) {
       return fail("needs_volume", fmt::format("{} acts on a fluid volume, and the model has none", mechanism.cause));
     }
     if (model.volume) model.volume = volume;
-    if (model.loop || loop.width_a != 0) model.loop = loop;
     model.dynamics.delay_s = spool.delay_s;
   }
   return model;
@@ -192,6 +190,7 @@ Result<std::vector<double>> run(const Model& model, const IntervalSignal& input,
       run_laws(*laws, Place::kOutput, here, y);
     };
   }
+  if (model.loop) signal_laws.loop_gate = loop_gate(input);
   const IntervalSignal moved = behind_input_laws(input, signal_laws_of(model, *laws), context, sample_period_s);
   return free_run(*changed, signal_laws, moved, sample_period_s, measured, initial, horizon);
 }
@@ -228,7 +227,7 @@ IntervalSignal intervals(std::span<const double> interleaved) {
 }
 
 std::vector<double> interleaved_driver(const IntervalSignal& signal) {
-  const std::vector<double> gated = loop_driver(signal);
+  const std::vector<double> gated = loop_driver(signal, loop_gate(signal));
   std::vector<double> driver(2 * gated.size());
   for (std::size_t i = 0; i < gated.size(); ++i) {
     driver[2 * i] = gated[i];

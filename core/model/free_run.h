@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -16,6 +17,8 @@ struct SignalLaws {
   std::function<void(std::span<double> steady)> at_steady;      ///< behind the map, before the volume
   /// behind everything; `steady` is what entered the volume
   std::function<void(std::span<const double> steady, std::span<double> output)> at_output;
+  /// of the loop's driver: that of the input before a law moved it; empty: that of the input given
+  std::optional<double> loop_gate;
 };
 
 /// `simulate` with laws between the blocks. A volume that settles elsewhere than at its m starts where it settles.

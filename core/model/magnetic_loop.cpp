@@ -6,12 +6,15 @@
 namespace valvetriage {
 namespace {
 
-constexpr double kGateInDeviations = 3.0;
+constexpr double kGateInDeviations = 1.0;
 
 }  // namespace
 
-std::vector<double> loop_driver(const IntervalSignal& input) {
-  const double gate = kGateInDeviations * white_noise(input.start);
+double loop_gate(const IntervalSignal& input) {
+  return kGateInDeviations * white_noise(input.start);
+}
+
+std::vector<double> loop_driver(const IntervalSignal& input, double gate) {
   std::vector<double> driver(input.start.size());
   double at = input.start.empty() ? 0 : input.start.front();
   for (std::size_t i = 0; i < driver.size(); ++i) {
@@ -26,7 +29,8 @@ IntervalSignal MagneticLoop::apply(const IntervalSignal& input, std::span<const 
   if (width_a == 0) return x;
   std::array<double, kThresholds_a.size()> stop{};
   for (std::size_t k = 0; k < stop.size(); ++k) stop[k] = memory * kThresholds_a[k];
-  const double share = 0.5 * width_a / static_cast<double>(stop.size());
+  std::array<double, kThresholds_a.size()> slope{};
+  for (std::size_t k = 0; k < slope.size(); ++k) slope[k] = 0.5 * width_a * shares[k] / kThresholds_a[k];
   double previous = driver.empty() ? 0 : driver.front();
   const std::size_t n = input.start.size();
   double held_back = 0;
@@ -36,7 +40,7 @@ IntervalSignal MagneticLoop::apply(const IntervalSignal& input, std::span<const 
     held_back = 0;
     for (std::size_t k = 0; k < stop.size(); ++k) {
       stop[k] = std::clamp(stop[k] + move, -kThresholds_a[k], kThresholds_a[k]);
-      held_back += share * stop[k] / kThresholds_a[k];
+      held_back += slope[k] * stop[k];
     }
     x.start[i] -= held_back;
     // A ramp ends where the next sample starts; a held command ends as it began.

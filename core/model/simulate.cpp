@@ -42,8 +42,9 @@ Result<void> require_stable(const TransferFunction& g) {
 }
 
 /// What enters G: the loop's output for a valve, the input about its operating point otherwise.
-IntervalSignal driving_signal(const Model& model, const IntervalSignal& input) {
-  IntervalSignal signal = model.loop ? model.loop->apply(input, loop_driver(input)) : input;
+IntervalSignal driving_signal(const Model& model, const IntervalSignal& input, std::optional<double> gate) {
+  IntervalSignal signal =
+      model.loop ? model.loop->apply(input, loop_driver(input, gate ? *gate : loop_gate(input))) : input;
   for (std::vector<double>* side : {&signal.start, &signal.end}) {
     for (double& u : *side) u -= model.input_offset;
   }
@@ -56,17 +57,17 @@ struct StartState {
   double volume_gap = 0;
 };
 
-/// Friction's part in a second-order spool's response: what the sliding spool does beside the free one.
+/// Friction's part in the response of a spool, a pair of poles and perhaps a lag: what the sliding spool does beside
+/// the free one.
 void slide(const SpoolFriction& friction, const TransferFunction& g, const LinearFilter& filter,
            const IntervalSignal& v, double sample_period_s, std::span<double> y) {
-  if (g.poles.size() != 2) return;
-  ValveDynamics spool{.delay_s = g.delay_s, .natural_frequency_rad_s = std::sqrt(std::abs(g.poles[0] * g.poles[1]))};
-  spool.damping_ratio = -(g.poles[0] + g.poles[1]).real() / (2 * spool.natural_frequency_rad_s);
+  const auto spool = to_valve_dynamics(g);
+  if (!spool || spool->lag_s.size() > 1) return;
   FilterState rest = filter.steady(v.start.front()).value_or(filter.rest());
   rest.past = v.start.front();
   std::vector<double> free(y.size()), sliding(y.size());
   filter.run(rest, std::span(v.start).first(y.size()), std::span(v.end).first(y.size()), free);
-  run_sliding_spool(spool, friction, sample_period_s, v, 0, sliding);
+  run_sliding_spool(*spool, friction, sample_period_s, v, 0, sliding);
   for (std::size_t i = 0; i < y.size(); ++i) y[i] += sliding[i] - free[i];
 }
 
@@ -208,7 +209,7 @@ Result<std::vector<double>> free_run(const Model& model, const SignalLaws& laws,
   if (!filter) return tl::unexpected(filter.error());
   if (input.start.empty()) return std::vector<double>{};
 
-  const IntervalSignal v = driving_signal(model, input);
+  const IntervalSignal v = driving_signal(model, input, laws.loop_gate);
   StartState start{.filter = filter->steady(v.start.front()).value_or(filter->rest())};
   start.filter.past = v.start.front();
   if (initial.kind == InitialState::Kind::kMeasured) {

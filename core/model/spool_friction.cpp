@@ -8,6 +8,8 @@ namespace {
 
 constexpr double kStepOverNatural = 0.15;
 constexpr int kMostSubsteps = 64;
+// A lag never arrives; this near it has [A].
+constexpr double kArrived = 1e-9;
 
 /// The input at any time, straight inside an interval, held before the first.
 class DelayedInput {
@@ -24,6 +26,17 @@ class DelayedInput {
     return input_.start[m] + (input_.end[m] - input_.start[m]) * share;
   }
 
+  /// Whether all of the sample interval that begins at sample i sees this one value.
+  bool holds(std::size_t i, double value) const {
+    const double t = static_cast<double>(i) - delay_;
+    const auto first = t <= 0 ? 0 : std::min(static_cast<std::size_t>(t), last_);
+    const auto last = std::min(t + 1 <= 0 ? 0 : static_cast<std::size_t>(t + 1), last_);
+    for (std::size_t m = first; m <= last; ++m) {
+      if (input_.start[m] != value || input_.end[m] != value) return false;
+    }
+    return true;
+  }
+
  private:
   const IntervalSignal& input_;
   std::size_t last_;
@@ -32,12 +45,16 @@ class DelayedInput {
 
 }  // namespace
 
+int sliding_substeps(const ValveDynamics& dynamics, double sample_period_s) {
+  const double steps = std::ceil(dynamics.natural_frequency_rad_s * sample_period_s / kStepOverNatural);
+  return static_cast<int>(std::clamp(steps, 2.0, static_cast<double>(kMostSubsteps)));
+}
+
 void run_sliding_spool(const ValveDynamics& dynamics, const SpoolFriction& friction, double sample_period_s,
                        const IntervalSignal& input, double offset, std::span<double> position) {
   if (position.empty()) return;
   const double wn = dynamics.natural_frequency_rad_s;
-  const int substeps =
-      std::clamp(static_cast<int>(std::ceil(wn * sample_period_s / kStepOverNatural)), 2, kMostSubsteps);
+  const int substeps = sliding_substeps(dynamics, sample_period_s);
   const double h = sample_period_s / substeps;
   const double stiff = 0.25 * h * h * wn * wn, damp = h * dynamics.damping_ratio * wn;
   const double keep = 1 - stiff - damp, push = h * wn * wn, share = 1 / (1 + stiff + damp);
@@ -46,12 +63,22 @@ void run_sliding_spool(const ValveDynamics& dynamics, const SpoolFriction& frict
   const double inverse_speed = 1 / friction.stribeck_a_per_s;
   const DelayedInput delayed(input, position.size(), sample_period_s, dynamics.delay_s);
 
-  double x = delayed.at(0) - offset * friction.breakaway_a;
+  const double lag_s = dynamics.lag_s.empty() ? 0 : dynamics.lag_s.front();
+  const double half_way = lag_s > 0 ? -std::expm1(-0.5 * h / lag_s) : 1;
+
+  double lagged = delayed.at(0);
+  double x = lagged - offset * friction.breakaway_a;
   double v = 0;
   for (std::size_t i = 0; i < position.size(); ++i) {
     position[i] = x;
+    const bool sticks = v == 0 && std::abs(lagged - x) <= friction.breakaway_a;
+    if (sticks && delayed.holds(i, lagged)) continue;
     for (int k = 0; k < substeps; ++k) {
-      const double u = delayed.at(static_cast<double>(i) + (k + 0.5) / substeps);
+      const double commanded = delayed.at(static_cast<double>(i) + (k + 0.5) / substeps);
+      lagged += half_way * (commanded - lagged);
+      const double u = lagged;
+      lagged += half_way * (commanded - lagged);
+      if (std::abs(commanded - lagged) < kArrived) lagged = commanded;
       const double relative = v * inverse_speed;
       const double square = relative * relative;
       const double force = kinetic + (square < 30 ? drop * std::exp(-square) : 0);

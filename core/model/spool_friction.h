@@ -21,10 +21,15 @@ struct SpoolFriction {
   bool operator==(const SpoolFriction&) const = default;
 };
 
-/// Spool positions with friction, one per sample; the input delayed by the dynamics' delay, its lags not used.
+/// The equal steps that a sample is integrated in.
+int sliding_substeps(const ValveDynamics& dynamics, double sample_period_s);
+
+/// Spool positions with friction, one per sample; the input delayed and lagged before it as the dynamics are (one lag
+/// at most).
 ///
 /// offset  where the spool rests before the first sample: at input − offset · F_s, −1 ≤ offset ≤ 1
-/// Cost    O(n · substeps), trapezoidal steps of at most a seventh of 1/ωn; nothing allocated
+/// Cost    O(n · substeps), trapezoidal steps of at most a seventh of 1/ωn, none while the spool sticks under an input
+///         that holds; nothing allocated
 void run_sliding_spool(const ValveDynamics& dynamics, const SpoolFriction& friction, double sample_period_s,
                        const IntervalSignal& input, double offset, std::span<double> position);
 

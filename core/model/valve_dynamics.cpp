@@ -67,6 +67,17 @@ TransferFunction to_transfer_function(const ValveDynamics& dynamics) {
   return g;
 }
 
+std::optional<ValveDynamics> to_valve_dynamics(const TransferFunction& g) {
+  if (g.domain != Domain::kS || g.poles.size() < 2 || !g.zeros.empty()) return std::nullopt;
+  ValveDynamics dynamics{.delay_s = g.delay_s, .natural_frequency_rad_s = std::sqrt(std::abs(g.poles[0] * g.poles[1]))};
+  dynamics.damping_ratio = -(g.poles[0] + g.poles[1]).real() / (2 * dynamics.natural_frequency_rad_s);
+  for (std::size_t i = 2; i < g.poles.size(); ++i) {
+    if (g.poles[i].imag() != 0 || !(g.poles[i].real() < 0)) return std::nullopt;
+    dynamics.lag_s.push_back(-1 / g.poles[i].real());
+  }
+  return dynamics;
+}
+
 SampledValveDynamics::SampledValveDynamics(const ValveDynamics& dynamics, double sample_period_s) {
   assert(sample_period_s > 0 && dynamics.order() <= kMaxOrder);
   const StateSpace system = continuous_state_space(dynamics);

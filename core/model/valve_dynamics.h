@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -25,6 +26,8 @@ struct ValveDynamics {
 };
 
 TransferFunction to_transfer_function(const ValveDynamics& dynamics);
+/// Back again: the first two poles are the pair, the others lags. Empty for anything that is no such chain.
+std::optional<ValveDynamics> to_valve_dynamics(const TransferFunction& g);
 
 /// ValveDynamics brought to a sampling period, exact for an IntervalSignal delayed by any fraction of a sample.
 ///

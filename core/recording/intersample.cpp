@@ -24,8 +24,11 @@ double bend_across(const std::vector<double>& u, std::size_t first, std::size_t 
 }
 
 constexpr double kIntervalInDeviations = 2.5;
+// A parabola's error grows with the fourth power of its window: less of it is let in.
+constexpr double kCurveIntervalInDeviations = 2;
 constexpr double kLeastNoise = 1e-7;  // of the input's range: a clean log's own rounding
 constexpr std::array<std::size_t, 7> kHalfWindows{1, 2, 4, 8, 16, 32, 64};
+constexpr std::array<std::size_t, 11> kHalfCurves{2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64};
 
 /// Samples that begin a new stretch: no window reaches across them.
 std::vector<std::size_t> stretches(const Recording& recording) {
@@ -39,21 +42,69 @@ std::vector<std::size_t> stretches(const Recording& recording) {
   return begins;
 }
 
+struct Estimate {
+  double value = 0;
+  double deviation = 0;  ///< of its error, in deviations of the noise
+};
+
 /// The mean over the widest window around sample i of [first, last) that agrees with all narrower ones.
-double agreeing_mean(std::span<const double> sums, std::span<const double> u, std::size_t i, std::size_t first,
-                     std::size_t last, double noise) {
-  double mean = u[i], low = mean - kIntervalInDeviations * noise, high = mean + kIntervalInDeviations * noise;
+Estimate agreeing_mean(std::span<const double> sums, std::span<const double> u, std::size_t i, std::size_t first,
+                       std::size_t last, double noise) {
+  Estimate mean{u[i], 1};
+  double low = mean.value - kIntervalInDeviations * noise, high = mean.value + kIntervalInDeviations * noise;
   for (const std::size_t half : kHalfWindows) {
     if (i < first + half || i + half >= last) break;
     const double count = static_cast<double>(2 * half + 1);
     const double wider = (sums[i + half + 1] - sums[i - half]) / count;
-    const double reach = kIntervalInDeviations * noise / std::sqrt(count);
-    low = std::max(low, wider - reach);
-    high = std::min(high, wider + reach);
+    const double deviation = 1 / std::sqrt(count);
+    low = std::max(low, wider - kIntervalInDeviations * noise * deviation);
+    high = std::min(high, wider + kIntervalInDeviations * noise * deviation);
     if (low > high) break;
-    mean = wider;
+    mean = {wider, deviation};
   }
   return mean;
+}
+
+/// Least squares of a parabola over 2 half + 1 samples: its middle is (Σj⁴ Σu − Σj² Σj²u) / determinant.
+struct Parabola {
+  explicit Parabola(std::size_t beside) : half(beside) {
+    for (std::size_t j = 1; j <= half; ++j) {
+      const double square = static_cast<double>(j * j);
+      squares += 2 * square;
+      fourths += 2 * square * square;
+    }
+    determinant = static_cast<double>(2 * half + 1) * fourths - squares * squares;
+    deviation = std::sqrt(fourths / determinant);
+  }
+  double middle(std::span<const double> u, std::size_t i) const {
+    double sum = u[i], weighted = 0;
+    for (std::size_t j = 1; j <= half; ++j) {
+      const double both = u[i - j] + u[i + j];
+      sum += both;
+      weighted += static_cast<double>(j * j) * both;
+    }
+    return (fourths * sum - squares * weighted) / determinant;
+  }
+
+  std::size_t half;
+  double squares = 0, fourths = 0, determinant = 0;
+  double deviation = 0;  ///< of the middle's error, in deviations of the noise
+};
+
+/// The same with the middles of parabolas.
+Estimate agreeing_curve(std::span<const Parabola> parabolas, std::span<const double> u, std::size_t i,
+                        std::size_t first, std::size_t last, double noise) {
+  Estimate curve{u[i], 1};
+  double low = u[i] - kCurveIntervalInDeviations * noise, high = u[i] + kCurveIntervalInDeviations * noise;
+  for (const Parabola& parabola : parabolas) {
+    if (i < first + parabola.half || i + parabola.half >= last) break;
+    const double wider = parabola.middle(u, i);
+    low = std::max(low, wider - kCurveIntervalInDeviations * noise * parabola.deviation);
+    high = std::min(high, wider + kCurveIntervalInDeviations * noise * parabola.deviation);
+    if (low > high) break;
+    curve = {wider, parabola.deviation};
+  }
+  return curve;
 }
 
 std::vector<double> without_noise(const Recording& recording) {
@@ -66,10 +117,14 @@ std::vector<double> without_noise(const Recording& recording) {
   for (std::size_t i = 0; i < u.size(); ++i) sums[i + 1] = sums[i] + (u[i] - u[0]);
   std::vector<double> centred = u;
   for (double& value : centred) value -= u[0];
+  const std::vector<Parabola> parabolas(kHalfCurves.begin(), kHalfCurves.end());
   const std::vector<std::size_t> begins = stretches(recording);
   for (std::size_t s = 0; s + 1 < begins.size(); ++s) {
     for (std::size_t i = begins[s]; i < begins[s + 1]; ++i) {
-      u[i] = recording.input.values[0] + agreeing_mean(sums, centred, i, begins[s], begins[s + 1], noise);
+      const Estimate mean = agreeing_mean(sums, centred, i, begins[s], begins[s + 1], noise);
+      const bool is_settled = mean.deviation < parabolas.back().deviation;
+      const Estimate curve = is_settled ? mean : agreeing_curve(parabolas, centred, i, begins[s], begins[s + 1], noise);
+      u[i] = recording.input.values[0] + (curve.deviation < mean.deviation ? curve.value : mean.value);
     }
   }
   return u;

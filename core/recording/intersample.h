@@ -21,12 +21,12 @@ IntervalSignal input_between_samples(const Recording& recording);
 /// The same without the white noise of the input's own measurement, which the machine never saw. It does little through
 /// lags, but walks through every memory (a play, a loop) on a hold and eats its width.
 ///
-/// Each sample becomes the mean over the widest window around it whose mean agrees with those of all narrower ones
-/// within their errors (intersection of confidence intervals: Goldenshluger and Nemirovski, Math. Meth. Statist. 6
-/// (1997) 135); no window reaches across a step. What moves faster than the noise stays as it was logged; an input
-/// without noise is returned to the last bit.
+/// Each sample becomes the mean, or the middle of a parabola, over the widest window around it that agrees with those
+/// of all narrower ones within their errors (intersection of confidence intervals: Goldenshluger and Nemirovski, Math.
+/// Meth. Statist. 6 (1997) 135), whichever is the more certain; no window reaches across a step. What moves faster than
+/// the noise stays as it was logged; an input without noise is returned to the last bit.
 ///
-/// Cost  O(n) for each of eight windows
+/// Cost  O(n) for each window of means, O(n · length) for each of parabolas
 IntervalSignal noise_free_input(const Recording& recording);
 
 /// Standard deviation of a signal's white noise, from the lower quartile of its third, sixth and ninth differences, the

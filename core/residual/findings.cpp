@@ -80,7 +80,8 @@ Samples gather(std::span<const ResidualView> views) {
   double floor = 0, total = 0;
   for (std::size_t r = 0; r < views.size(); ++r) {
     const Recording& recording = *views[r].recording;
-    const Column driver = loop_driver(noise_free_input(recording));
+    const IntervalSignal input = noise_free_input(recording);
+    const Column driver = loop_driver(input, loop_gate(input));
     const Column direction = last_direction(driver);
     const std::size_t n = std::min({views[r].residual.size(), driver.size(), recording.output.values.size()});
     const std::size_t blocks = std::max<std::size_t>(n / length, 1);

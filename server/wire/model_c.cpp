@@ -141,7 +141,8 @@ PlaceText place_text(const Model& model, Place place) {
     const MechanismUse& use = model.mechanisms[n];
     const Mechanism& law = *find_mechanism(use.cause);
     const LawText* c = text_of(use.cause);
-    if (law.place != place || !c || is_neutral(law, use.parameters)) continue;
+    const bool is_inside = model.map && law.blocks_alone;
+    if (law.place != place || !c || is_inside || is_neutral(law, use.parameters)) continue;
     if (!c->state.empty()) text.state += fmt::format("  {}\n", filled(c->state, n, use.parameters));
     // What a law begins with is the signal as the laws before it leave it.
     const std::string begin =
@@ -157,11 +158,6 @@ Result<void> check(const Model& model) {
   std::size_t channels = 0;
   for (const MechanismUse& use : model.mechanisms) {
     if (use.cause == "side_input") ++channels;
-    if (model.map && use.cause == "friction") {
-      return fail("not_exportable",
-                  "friction inside a spool's motion takes many steps per sample: it cannot be "
-                  "exported, `simulate` runs it");
-    }
     const bool needs_range = use.cause == "static_curve" || use.cause == "self_oscillation";
     if (!model.map && needs_range) {
       return fail("needs_range", fmt::format("{} of a linear model is told in shares of an output range that only a "
@@ -170,6 +166,10 @@ Result<void> check(const Model& model) {
     }
   }
   if (channels > 1) return fail("too_many", "only one side channel can be exported");
+  const auto spool = to_valve_dynamics(model.dynamics);
+  if (model.friction && (!spool || spool->lag_s.size() > 1)) {
+    return fail("not_exportable", "friction needs a spool of second order, perhaps with a lag before it");
+  }
   if (!is_stable(model.dynamics)) return fail("unstable", "the model is unstable and cannot be exported");
   return {};
 }
@@ -236,6 +236,58 @@ static double delayed_now(const valvetriage_model *m, double start) {
   return start;
 #endif
 }
+)c";
+
+/// core/model/spool_friction.cpp in C; the intervals of its delay in a ring.
+constexpr const char* kSlidingSpool = R"c(
+/* The force on the spool at a time in samples, delayed. */
+static double spool_input(const valvetriage_model *m, double time) {
+  const double t = time - SPOOL_DELAY;
+  size_t interval;
+  if (t <= 0) return m->first;
+  interval = (size_t)t;
+  return m->from[interval % INTERVALS] +
+         (m->to[interval % INTERVALS] - m->from[interval % INTERVALS]) * (t - (double)interval);
+}
+
+/* Friction: sticks until the force difference passes breakaway, then slips (Stribeck); trapezoidal steps. */
+static void spool_advance(valvetriage_model *m, double start, double end) {
+  const double h = T / SUBSTEPS, stiff = 0.25 * h * h * NATURAL * NATURAL, damp = h * DAMPING * NATURAL;
+  const double keep = 1 - stiff - damp, push = h * NATURAL * NATURAL;
+  const size_t interval = m->samples - 1;
+  int k;
+  m->from[interval % INTERVALS] = start;
+  m->to[interval % INTERVALS] = end;
+  for (k = 0; k < SUBSTEPS; ++k) {
+    const double commanded = spool_input(m, (double)interval + (k + 0.5) / SUBSTEPS);
+    const double relative = m->spool_v / STRIBECK;
+    double u, force, free_v, moved;
+    m->lagged += HALF_WAY * (commanded - m->lagged);
+    u = m->lagged;
+    m->lagged += HALF_WAY * (commanded - m->lagged);
+    if (fabs(commanded - m->lagged) < 1e-9) m->lagged = commanded;
+    force = KINETIC + (relative * relative < 30 ? (BREAKAWAY - KINETIC) * exp(-relative * relative) : 0);
+    free_v = m->spool_v * keep + push * (u - m->spool_x);
+    moved = (free_v - fmin(fmax(free_v, -push * force), push * force)) / (1 + stiff + damp);
+    m->spool_x += 0.5 * h * (m->spool_v + moved);
+    m->spool_v = moved;
+  }
+}
+
+static void spool_begin(valvetriage_model *m, double start) {
+  m->first = m->lagged = m->spool_x = start;
+}
+
+static double spool_output(const valvetriage_model *m, double y) {
+  (void)y;
+  return m->spool_x;
+}
+)c";
+
+constexpr const char* kFreeSpool = R"c(
+static void spool_advance(valvetriage_model *m, double start, double end) { (void)m; (void)start; (void)end; }
+static void spool_begin(valvetriage_model *m, double start) { (void)m; (void)start; }
+static double spool_output(const valvetriage_model *m, double y) { (void)m; return y; }
 )c";
 
 constexpr const char* kMap = R"c(
@@ -313,7 +365,7 @@ static double loop_held_back(valvetriage_model *m, double driver) {
   int k;
   for (k = 0; k < 4; ++k) {
     m->stop[k] = fmin(fmax(m->stop[k] + (driver - m->loop_driver), -loop_threshold[k]), loop_threshold[k]);
-    held_back += 0.5 * LOOP_WIDTH / 4 * m->stop[k] / loop_threshold[k];
+    held_back += 0.5 * LOOP_WIDTH * loop_share[k] / loop_threshold[k] * m->stop[k];
   }
   m->loop_driver = driver;
   return held_back;
@@ -323,7 +375,7 @@ static double loop_held_back(valvetriage_model *m, double driver) {
 /// From the input's value at this sample to what has entered G, then through the rest of the chain.
 constexpr const char* kStep = R"c(
 static double gated(double at, double input, double noise) {
-  return fmin(fmax(at, input - 3 * noise), input + 3 * noise);
+  return fmin(fmax(at, input - noise), input + noise);
 }
 
 void valvetriage_start(valvetriage_model *m, double input, double input_noise) {
@@ -353,6 +405,7 @@ double valvetriage_step(valvetriage_model *m, double input, int is_step, double 
     start -= INPUT_OFFSET;
     end -= INPUT_OFFSET;
     delayed_advance(m, m->start, end - m->start);
+    spool_advance(m, m->start, end);
   } else {
     int j;
     start = input_laws(m, input, m->driver, 1);
@@ -360,6 +413,7 @@ double valvetriage_step(valvetriage_model *m, double input, int is_step, double 
     m->held_back = loop_held_back(m, start);
     start -= m->held_back + INPUT_OFFSET;
     for (j = 0; j < ORDER; ++j) m->x[j] = at_rest[j] * start;
+    spool_begin(m, start);
     m->u_before = start;
     m->rise_before = 0;
 #if DELAY > 0
@@ -370,7 +424,7 @@ double valvetriage_step(valvetriage_model *m, double input, int is_step, double 
 #endif
   }
   m->start = start;
-  y = filter_output(m, delayed_now(m, start));
+  y = spool_output(m, filter_output(m, delayed_now(m, start)));
   y = position_laws(m, y, m->samples == 0);
   y = steady_output(y);
   steady = map_laws(m, y, m->samples == 0);
@@ -422,6 +476,19 @@ std::string volume_constants(const OrificeVolume& v) {
          define("IS_HEALTHY", v.drain_excess_exponent == 0 && v.loss_fraction == 0 ? 1 : 0);
 }
 
+/// A sliding spool's, as core/model/spool_friction.cpp derives them.
+std::string spool_constants(const ValveDynamics& spool, const SpoolFriction& friction, double sample_period_s) {
+  const int substeps = sliding_substeps(spool, sample_period_s);
+  const double lag_s = spool.lag_s.empty() ? 0 : spool.lag_s.front();
+  const double delay = spool.delay_s / sample_period_s;
+  return fmt::format("#define SUBSTEPS {}\n#define INTERVALS {}\n", substeps, static_cast<long>(delay) + 2) +
+         define("SPOOL_DELAY", delay) + define("NATURAL", spool.natural_frequency_rad_s) +
+         define("DAMPING", spool.damping_ratio) + define("BREAKAWAY", friction.breakaway_a) +
+         define("KINETIC", std::min(friction.kinetic_a, friction.breakaway_a)) +
+         define("STRIBECK", friction.stribeck_a_per_s) +
+         define("HALF_WAY", lag_s > 0 ? -std::expm1(-0.5 * sample_period_s / substeps / lag_s) : 1);
+}
+
 std::string law_function(std::string_view name, std::string_view extra, const std::string& code) {
   return fmt::format("\nstatic double {}(valvetriage_model *m, double x, {}) {{\n  (void)m;\n{}  return x;\n}}\n", name,
                      extra, code);
@@ -464,10 +531,13 @@ Result<std::string> to_c(const Model& given, double sample_period_s) {
           define("SECANT", is_valve ? rise / (high_a - low_a) : gain);
   text += define("LOOP_WIDTH", model->loop ? model->loop->width_a : 0);
   if (model->volume) text += volume_constants(*model->volume);
+  const bool slides = is_valve && model->friction;
+  if (slides) text += spool_constants(*to_valve_dynamics(model->dynamics), *model->friction, sample_period_s);
   const std::vector<double> direct(chain.direct.begin(), chain.direct.end());
   text += array("diagonal", chain.diagonal) + array("lower", chain.lower) + array("input_row", rows) +
           fmt::format("static const double direct[4] = {{{}}};\n", numbers(direct)) + array("at_rest", rest.x) +
-          array("loop_threshold", MagneticLoop::kThresholds_a);
+          array("loop_threshold", MagneticLoop::kThresholds_a) +
+          array("loop_share", model->loop ? model->loop->shares : MagneticLoop::kEqualShares);
   if (is_valve) {
     text += fmt::format("#define KNOTS {}\n", model->map->input.size());
     text += array("map_input", model->map->input) + array("map_output", model->map->output);
@@ -480,6 +550,7 @@ Result<std::string> to_c(const Model& given, double sample_period_s) {
       "held_back, stop[4];\n"
       "  double x[ORDER + 1], u_before, rise_before;\n#if DELAY > 0\n  double late_start[DELAY], late_rise[DELAY];\n"
       "  size_t oldest;\n#endif\n  double steady, pressure;\n" +
+      std::string(slides ? "  double from[INTERVALS], to[INTERVALS], first, lagged, spool_x, spool_v;\n" : "") +
       input.state + position.state + steady.state + output.state + "} valvetriage_model;\n";
   text +=
       "\nvoid valvetriage_start(valvetriage_model *m, double input, double input_noise);\n"
@@ -512,7 +583,7 @@ Result<std::string> to_c(const Model& given, double sample_period_s) {
               : "\nstatic double volume_settled(double steady) { return steady; }\n"
                 "static double volume_advance(double p, double before, double steady) {\n  (void)p;\n  (void)before;\n"
                 "  return steady;\n}\n";
-  return text + kLoop + kFilter + kStep;
+  return text + kLoop + kFilter + (slides ? kSlidingSpool : kFreeSpool) + kStep;
 }
 
 }  // namespace valvetriage

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "core/mechanisms/mechanism.h"
 
@@ -82,6 +83,16 @@ StaticMap map_from_json(JsonFields fields) {
 MagneticLoop loop_from_json(JsonFields fields) {
   MagneticLoop loop{.width_a = fields.number("width_A")};
   if (loop.width_a < 0) fields.refuse("width_A", "out_of_range", "a loop's width cannot be negative");
+  if (fields.has("shares")) {
+    const std::vector<double> shares = fields.numbers("shares");
+    const double sum = std::accumulate(shares.begin(), shares.end(), 0.0);
+    const bool any_negative = std::any_of(shares.begin(), shares.end(), [](double share) { return share < 0; });
+    if (shares.size() != loop.shares.size() || any_negative || std::abs(sum - 1) > 1e-6) {
+      fields.refuse("shares", "out_of_range", "a loop's shares are four numbers from 0 on whose sum is 1");
+    } else {
+      std::copy(shares.begin(), shares.end(), loop.shares.begin());
+    }
+  }
   return loop;
 }
 
@@ -248,7 +259,7 @@ TransferFunction transfer_function_from_json(JsonFields fields) {
 
 Json to_json(const Model& model) {
   Json loop = nullptr, map = nullptr, volume = nullptr;
-  if (model.loop) loop = Json{{"width_A", model.loop->width_a}};
+  if (model.loop) loop = Json{{"width_A", model.loop->width_a}, {"shares", model.loop->shares}};
   if (model.volume) {
     volume = Json{{"time_constant_s", model.volume->time_constant_s},
                   {"exponent", model.volume->exponent},

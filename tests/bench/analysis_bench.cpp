@@ -43,12 +43,12 @@ Reference learned_reference() {
 
 /// The least that any analysis has to do: run the valve's equations once over every recording.
 void run_once(const test::MadeValve& valve, const std::vector<Recording>& recordings, std::vector<double>& y) {
-  const MagneticLoop loop{.width_a = valve.parameters.loop_width_a};
+  const MagneticLoop loop = loop_of(valve.parameters, {});
   for (const Recording& recording : recordings) {
     y.resize(recording.samples());
     const IntervalSignal input = input_between_samples(recording);
     SampledValveDynamics(valve.parameters.spool, recording.sample_period_s)
-        .run(loop.apply(input, loop_driver(input)), y);
+        .run(loop.apply(input, loop_driver(input, loop_gate(input))), y);
     for (double& value : y) value = valve.map(value);
     run_volume(valve.parameters.volume, recording.sample_period_s, y.front(), y, y);
     benchmark::DoNotOptimize(y.data());

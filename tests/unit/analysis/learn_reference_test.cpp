@@ -88,6 +88,22 @@ TEST(LearnReference, KeepsEveryValveOfAGoodPopulation) {
   for (const unsigned seed : {5u, 6u, 7u}) EXPECT_EQ(learn_reference(population(6, seed), "type-1")->valves, 6) << seed;
 }
 
+TEST(LearnReference, FindsTheShapeOfTheLoopThatGoodValvesShare) {
+  std::vector<ValveRecordings> valves;
+  for (unsigned i = 0; i < 3; ++i) {
+    test::MadeValve valve;
+    valve.parameters.loop_width_a = 0.02 + 0.002 * i;
+    valve.usual.loop_shares = {0, 0.1, 0.3, 0.6};
+    valves.push_back({"V" + std::to_string(i), test::session(valve, kNoise_psi, 40 + 10 * i)});
+  }
+  const auto reference = learn_reference(valves, "type-1");
+  ASSERT_TRUE(reference);
+  const MagneticLoop::Shares shares = usual_mechanisms(reference->model).loop_shares;
+  EXPECT_NEAR(shares[1], 0.1, 0.07);
+  EXPECT_NEAR(shares[2], 0.3, 0.1);
+  EXPECT_NEAR(shares[3], 0.6, 0.1);
+}
+
 TEST(LearnReference, NeedsThreeValves) {
   const auto two = learn_reference(population(2, 5), "type-1");
   ASSERT_FALSE(two);

@@ -17,6 +17,10 @@ std::vector<double> knots() {
   return inputs;
 }
 
+Eigen::MatrixXd none() {
+  return Eigen::MatrixXd::Zero(kParameters + kKnots, kParameters + kKnots);
+}
+
 /// Valves that differ by their parameters and by shift and gain of a smooth map.
 Eigen::MatrixXd valves(int count, std::mt19937_64& random) {
   std::normal_distribution<double> normal;
@@ -38,7 +42,7 @@ TEST(PopulationCovariance, ANewGoodValveIsAsFarAsItClaims) {
   int seen = 0;
   for (int repeat = 0; repeat < 12; ++repeat) {
     const Eigen::MatrixXd learned = valves(8, random);
-    const Eigen::MatrixXd covariance = (1 + 1 / 8.0) * population_covariance(learned, kParameters, knots());
+    const Eigen::MatrixXd covariance = (1 + 1 / 8.0) * population_covariance(learned, none(), kParameters, knots());
     const Eigen::LLT<Eigen::MatrixXd> factor(covariance);
     ASSERT_EQ(factor.info(), Eigen::Success);
     const Eigen::VectorXd mean = learned.rowwise().mean();
@@ -53,9 +57,30 @@ TEST(PopulationCovariance, ANewGoodValveIsAsFarAsItClaims) {
   EXPECT_LT(squares / seen, 2.0);
 }
 
+TEST(PopulationCovariance, WhatTheEstimatesErrByIsNoDifferenceBetweenValves) {
+  std::mt19937_64 random(13);
+  std::normal_distribution<double> normal;
+  constexpr double kError_psi = 0.5;
+  Eigen::MatrixXd learned = valves(8, random);
+  for (Eigen::Index k = 0; k < kKnots; ++k) {
+    for (Eigen::Index i = 0; i < learned.cols(); ++i) learned(kParameters + k, i) += kError_psi * normal(random);
+  }
+  Eigen::MatrixXd errors = none();
+  errors.diagonal().tail(kKnots).setConstant(kError_psi * kError_psi);
+  // How much neighbours may differ: the second differences of a map.
+  const auto roughness = [](const Eigen::MatrixXd& covariance) {
+    const Eigen::Index k = kParameters + kKnots / 2;
+    Eigen::VectorXd bend = Eigen::VectorXd::Zero(covariance.rows());
+    bend.segment(k, 3) << 1, -2, 1;
+    return std::sqrt(bend.dot(covariance * bend));
+  };
+  EXPECT_GT(roughness(population_covariance(learned, none(), kParameters, knots())), 0.7 * std::sqrt(6) * kError_psi);
+  EXPECT_LT(roughness(population_covariance(learned, errors, kParameters, knots())), 0.4 * std::sqrt(6) * kError_psi);
+}
+
 TEST(PopulationCovariance, ThreeValvesAreEnoughForAPositiveOne) {
   std::mt19937_64 random(12);
-  const Eigen::LLT<Eigen::MatrixXd> factor(population_covariance(valves(3, random), kParameters, knots()));
+  const Eigen::LLT<Eigen::MatrixXd> factor(population_covariance(valves(3, random), none(), kParameters, knots()));
   EXPECT_EQ(factor.info(), Eigen::Success);
 }
 

@@ -23,10 +23,10 @@ struct Population {
     options.knots = *map_knots(healthy);
     options.reference_psi = 105;
     const auto count = static_cast<Eigen::Index>(options.knots.size());
-    Eigen::VectorXd mean(7 + count), sd(7 + count);
-    mean.head(7) = to_vector(valve.parameters);
-    sd.head(7) << 0.05, 0.05, 0.0004, 0.0006, 0.05, 0.01, 0.05;
-    for (Eigen::Index k = 0; k < count; ++k) mean(7 + k) = valve.map(options.knots[static_cast<std::size_t>(k)]);
+    Eigen::VectorXd mean(8 + count), sd(8 + count);
+    mean.head(8) = to_vector(valve.parameters);
+    sd.head(8) << 0.05, 0.05, 0.0004, 0.0005, 0.05, 0.01, 0.05, 0.0002;
+    for (Eigen::Index k = 0; k < count; ++k) mean(8 + k) = valve.map(options.knots[static_cast<std::size_t>(k)]);
     sd.tail(count).setConstant(1.0);
     options.prior = population_prior(mean, sd.array().square().matrix().asDiagonal().toDenseMatrix(), 8);
     for (const Mechanism* law : all_mechanisms()) {
@@ -129,6 +129,8 @@ INSTANTIATE_TEST_SUITE_P(Causes, ValveDiagnosisOf,
                                          MechanismUse{.cause = "sensor_offset", .parameters = {6}},
                                          MechanismUse{.cause = "gain_loss", .parameters = {0.85}},
                                          MechanismUse{.cause = "saturation", .parameters = {120, -INFINITY}},
+                                         MechanismUse{.cause = "self_oscillation",
+                                                      .parameters = {12.3, 1.5, 150, 50, 0.2, 10, 0.5}},
                                          MechanismUse{.cause = "extra_lag", .parameters = {0.03}},
                                          MechanismUse{.cause = "transport_delay", .parameters = {0.009}},
                                          MechanismUse{.cause = "leakage", .parameters = {0.14}}),

@@ -15,9 +15,11 @@ namespace valvetriage::test {
 struct MadeValve {
   ValveParameters parameters{
       .spool = {.delay_s = 0.0072, .natural_frequency_rad_s = 120, .damping_ratio = 0.9},
-      .loop_width_a = 0.006,
-      .volume = {.time_constant_s = 0.06, .exponent = 0.5, .supply_psi = 480, .reference_psi = 105}};
+      .loop_width_a = 0.0045,
+      .volume = {.time_constant_s = 0.06, .exponent = 0.5, .supply_psi = 480, .reference_psi = 105},
+      .narrow_loop_width_a = 0.0015};
   double scale = 1;  ///< of the map
+  UsualMechanisms usual;
 
   double map(double current_a) const {
     const double x = std::clamp((current_a - 1.0) / 1.2, 0.0, 1.0);
@@ -38,9 +40,9 @@ inline Recording played(const MadeValve& valve, TestKind test, const std::vector
   recording.output.values.resize(current.size());
   for (std::size_t i = 0; i < current.size(); ++i) recording.time_s.push_back(static_cast<double>(i) * 0.005);
   const IntervalSignal input = input_between_samples(recording);
-  const MagneticLoop loop{.width_a = valve.parameters.loop_width_a};
+  const MagneticLoop loop = loop_of(valve.parameters, valve.usual);
   std::vector<double>& y = recording.output.values;
-  SampledValveDynamics(valve.parameters.spool, 0.005).run(loop.apply(input, loop_driver(input)), y);
+  SampledValveDynamics(valve.parameters.spool, 0.005).run(loop.apply(input, loop_driver(input, loop_gate(input))), y);
   for (double& v : y) v = valve.map(v);
   run_volume(valve.parameters.volume, 0.005, y.front(), y, y);
   std::mt19937 random(seed);

@@ -11,12 +11,11 @@ constexpr double kPeriod_s = 0.005;
 constexpr OrificeVolume kHealthy{.time_constant_s = 0.06, .exponent = 0.55, .supply_psi = 300, .reference_psi = 105};
 
 OrificeVolume spoiled(std::string_view cause, double parameter) {
-  MagneticLoop loop;
   ValveDynamics spool;
   OrificeVolume volume = kHealthy;
   SpoolFriction friction;
   const std::vector<double> parameters(find_mechanism(cause)->parameters.size(), parameter);
-  find_mechanism(cause)->reshape(parameters, {loop, spool, volume, friction});
+  find_mechanism(cause)->reshape(parameters, {spool, volume, friction});
   return volume;
 }
 
@@ -37,28 +36,24 @@ std::size_t time_to_63(const std::vector<double>& p) {
 TEST(Physics, NeutralLawsLeaveTheBlocksAsTheyAre) {
   for (const Mechanism* law : all_mechanisms()) {
     if (law->place != Place::kPhysics) continue;
-    MagneticLoop loop{.width_a = 0.004};
     ValveDynamics spool{.delay_s = 0.004, .natural_frequency_rad_s = 300};
     OrificeVolume volume = kHealthy;
     SpoolFriction friction;
-    law->reshape(std::vector<double>{law->neutral}, {loop, spool, volume, friction});
-    EXPECT_EQ(loop.width_a, 0.004) << law->cause;
+    law->reshape(std::vector<double>{law->neutral}, {spool, volume, friction});
     EXPECT_EQ(spool.delay_s, 0.004) << law->cause;
     EXPECT_EQ(volume, kHealthy) << law->cause;
   }
 }
 
 TEST(Physics, ALaterValveAndAStickingSpoolAddUp) {
-  MagneticLoop loop{.width_a = 0.004};
   ValveDynamics spool{.delay_s = 0.004};
   OrificeVolume volume = kHealthy;
   SpoolFriction friction{.breakaway_a = 0.001, .kinetic_a = 0.001, .stribeck_a_per_s = 1};
-  find_mechanism("friction")->reshape(std::vector<double>{0.01, 0.02, 0.5}, {loop, spool, volume, friction});
-  find_mechanism("transport_delay")->reshape(std::vector<double>{0.02}, {loop, spool, volume, friction});
+  find_mechanism("friction")->reshape(std::vector<double>{0.01, 0.02, 0.5}, {spool, volume, friction});
+  find_mechanism("transport_delay")->reshape(std::vector<double>{0.02}, {spool, volume, friction});
   EXPECT_DOUBLE_EQ(friction.breakaway_a, 0.011);
   EXPECT_DOUBLE_EQ(friction.kinetic_a, 0.011);  // at most breakaway
   EXPECT_DOUBLE_EQ(spool.delay_s, 0.024);
-  EXPECT_EQ(loop.width_a, 0.004);
 }
 
 TEST(Physics, ALeakSettlesLowerAndMoreSoAtHighPressure) {

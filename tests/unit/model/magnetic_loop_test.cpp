@@ -25,7 +25,7 @@ std::vector<double> triangle(double low, double high, int samples_per_way, int w
 
 std::vector<double> run(const MagneticLoop& loop, const std::vector<double>& u) {
   const IntervalSignal signal = linear(u);
-  return loop.apply(signal, loop_driver(signal)).start;
+  return loop.apply(signal, loop_driver(signal, loop_gate(signal))).start;
 }
 
 TEST(MagneticLoop, OfNoWidthIsTheInput) {
@@ -34,9 +34,9 @@ TEST(MagneticLoop, OfNoWidthIsTheInput) {
 }
 
 TEST(MagneticLoop, IsAsWideAsItsWidthOnTheMajorLoop) {
-  const auto u = triangle(1, 2, 1000, 3);
+  const auto u = triangle(1, 2.4, 1000, 3);
   const auto x = run({.width_a = 0.01}, u);
-  // The second way down and the third up cross 1.5 A at samples 1500 and 2500.
+  // The second way down and the third up cross 1.7 A at samples 1500 and 2500.
   EXPECT_NEAR(x[1500] - x[2500], 0.01, 1e-9);
 }
 
@@ -51,17 +51,18 @@ TEST(MagneticLoop, IsNotDemagnetisedByNoiseOnAHold) {
   std::normal_distribution<double> normal;
   std::vector<double> u(4000, 1.6);
   for (std::size_t i = 0; i < 200; ++i) u[i] = 1.0 + 0.003 * static_cast<double>(i);
-  for (double& current : u) current += 0.0005 * normal(random);
-  const auto x = run({.width_a = 0.01}, u);
-  const double kept = (u[250] - x[250]) - (u[3999] - x[3999]);
-  // The gate of three deviations lets one sample in 370 through, by a fraction of a deviation: under a tenth of the
-  // loop.
-  EXPECT_NEAR(kept, 0, 0.0005);
+  Recording recording{.sample_period_s = 0.005};
+  for (const double current : u) recording.input.values.push_back(current + 0.0005 * normal(random));
+  recording.output.values = u;
+  const IntervalSignal clean = noise_free_input(recording);
+  const auto x = MagneticLoop{.width_a = 0.01}.apply(clean, loop_driver(clean, loop_gate(clean))).start;
+  const double kept = (clean.start[300] - x[300]) - (clean.start[3999] - x[3999]);
+  EXPECT_NEAR(kept, 0, 0.0005);  // under a tenth of the loop
 }
 
 TEST(MagneticLoop, KeepsAHeldCommandHeld) {
   IntervalSignal step{{1.0, 1.0, 1.6, 1.6}, {1.0, 1.0, 1.6, 1.6}};
-  const IntervalSignal x = MagneticLoop{.width_a = 0.02}.apply(step, loop_driver(step));
+  const IntervalSignal x = MagneticLoop{.width_a = 0.02}.apply(step, loop_driver(step, loop_gate(step)));
   EXPECT_EQ(x.start[1], x.end[1]);
   EXPECT_EQ(x.start[2], x.end[2]);
   EXPECT_NEAR(x.start[2], 1.6 - 0.01, 1e-12);
