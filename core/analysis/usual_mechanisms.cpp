@@ -17,7 +17,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// Enough to tell the gauge from the coil, few enough to be quick.
+// Enough to tell the gauge from a spool, few enough to be quick.
 constexpr std::size_t kMostValves = 3;
 // A valve's worth of evidence above what one more parameter gives by chance once in a million.
 constexpr double kEvidencePerParameter = 24;

@@ -63,6 +63,16 @@ double noise_reduction(const LawVariant& variant, Index freedoms, std::size_t re
   return static_cast<double>(freedoms) + 2 * std::log(searched);
 }
 
+/// What the search over a law's starts gives beside what its parameters give.
+double searched_reduction(const Tested& tested) {
+  return std::max(0.0, tested.noise_reduction - static_cast<double>(tested.fit.freedoms));
+}
+
+/// Five standard errors, the search paid for.
+bool is_beyond_noise(const Tested& tested, double evidence) {
+  return evidence - searched_reduction(tested) >= kLeastEvidence;
+}
+
 /// How far from no effect a size is. A limit, a level or a frequency has none at infinity: its inverse counts.
 struct Size {
   double from_none = 0, sd = 0;
@@ -77,10 +87,8 @@ Size size_of(const Mechanism& law, double size, double sd) {
 /// five standard errors where it could stand at any instant, tone or level.
 double size_told(const Tested& tested, double evidence, double size) {
   const double neutral = tested.fit.law.law->neutral;
-  const double searched = tested.noise_reduction - static_cast<double>(tested.fit.freedoms);
-  const bool stands_out = evidence - std::max(0.0, searched) >= kLeastEvidence;
-  const bool is_short = std::isfinite(neutral) && searched < kLongSearch;
-  const bool is_told = stands_out || (is_short && evidence > tested.noise_reduction);
+  const bool is_short = std::isfinite(neutral) && searched_reduction(tested) < kLongSearch;
+  const bool is_told = is_beyond_noise(tested, evidence) || (is_short && evidence > tested.noise_reduction);
   return is_told ? size : neutral;
 }
 
@@ -95,11 +103,10 @@ double p_value_of(const Tested& tested, double evidence, double size, const Valv
   const bool is_comparable = std::isfinite(tested.fit.law.law->neutral) || (good && good->size_mean > 0);
   const bool has_size = good && good->size_sd > 0 && is_comparable && !tested.fit.law.recording;
   if (!has_size) return by_evidence;
-  const double searched = std::max(0.0, tested.noise_reduction - static_cast<double>(tested.fit.freedoms));
   const Size own = size_of(*tested.fit.law.law, size, 0);
   const Size usual = size_of(*tested.fit.law.law, good->size_mean, good->size_sd);
-  const double by_size =
-      size_p_value(own.from_none, usual.from_none, usual.sd, evidence - searched, options.good_valves);
+  const double by_size = size_p_value(own.from_none, usual.from_none, usual.sd, evidence - searched_reduction(tested),
+                                      options.good_valves);
   if (by_size > kLikeGoodValves) return 1;
   return std::min(1.0, 2 * std::min(by_evidence, by_size));
 }
@@ -284,8 +291,7 @@ Ranked ranked_fit(const Tested& tested, double cost_beside, const Stack& error, 
   r.log_likelihood = rank_of(tested, r.reduction, options.causes, contest.inflation, contest.samples);
   r.penalty = fitted.cost - contest.weight * squares_of(r.residual);
   r.p_value = p_value_of(tested, r.evidence, size_in(fitted), options);
-  const double searched = std::max(0.0, tested.noise_reduction - static_cast<double>(tested.fit.freedoms));
-  r.stands_out = r.evidence - searched >= kLeastEvidence && laws * r.p_value <= kFalseAlarm;
+  r.stands_out = is_beyond_noise(tested, r.evidence) && laws * r.p_value <= kFalseAlarm;
   return r;
 }
 

@@ -85,9 +85,8 @@ class Diagnosis {
     Contest again = held_again(first_, baseline_, explanation, options_);
     if (!again.best) return;
     explanation = again.best->copy();
-    places_.front() = {again.ranked, {}, again.p_value};
-    for (const Explanation& rival : again.rivals) places_.front().rivals.push_back(rival.copy());
     first_ = std::move(again);
+    places_.front() = first_place(explanation);
   }
 
   /// How a cause did beside the baseline alone: nothing for it where another one won.

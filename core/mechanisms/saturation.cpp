@@ -35,7 +35,7 @@ MechanismBounds bounds(const MechanismScales& scales) {
       .lower = {low, none}, .upper = {high + 0.05 * range, high}, .step = {1e-4 * range, 1e-4 * range}, .starts = {}};
   if (!(range > 0)) return bounds;
   if (scales.reading_high > scales.reading_low) {
-    bounds.starts.push_back({std::clamp(scales.reading_high, low, high + 0.05 * range), none});
+    bounds.starts.push_back({std::clamp(scales.reading_high, bounds.lower[kLevel], bounds.upper[kLevel]), none});
   }
   for (const double below : {0.01, 0.08, 0.3}) bounds.starts.push_back({high - below * range, none});
   for (const double inside : {0.03, 0.2}) bounds.starts.push_back({high - inside * range, low + inside * range});

@@ -47,22 +47,38 @@ struct Estimate {
   double deviation = 0;  ///< of its error, in deviations of the noise
 };
 
+/// Estimates of one value, each more certain than the one before, as long as their intervals have a point in common.
+class Agreement {
+ public:
+  /// reach  half of the interval of an estimate that errs by one deviation of the noise, unit of the signal
+  Agreement(double sample, double reach)
+      : reach_(reach), low_(sample - reach), high_(sample + reach), best_{sample, 1} {}
+
+  /// False where it does not agree with those before.
+  bool take(double value, double deviation) {
+    low_ = std::max(low_, value - reach_ * deviation);
+    high_ = std::min(high_, value + reach_ * deviation);
+    if (low_ > high_) return false;
+    best_ = {value, deviation};
+    return true;
+  }
+  const Estimate& best() const { return best_; }
+
+ private:
+  double reach_, low_, high_;
+  Estimate best_;
+};
+
 /// The mean over the widest window around sample i of [first, last) that agrees with all narrower ones.
 Estimate agreeing_mean(std::span<const double> sums, std::span<const double> u, std::size_t i, std::size_t first,
                        std::size_t last, double noise) {
-  Estimate mean{u[i], 1};
-  double low = mean.value - kIntervalInDeviations * noise, high = mean.value + kIntervalInDeviations * noise;
+  Agreement means(u[i], kIntervalInDeviations * noise);
   for (const std::size_t half : kHalfWindows) {
     if (i < first + half || i + half >= last) break;
     const double count = static_cast<double>(2 * half + 1);
-    const double wider = (sums[i + half + 1] - sums[i - half]) / count;
-    const double deviation = 1 / std::sqrt(count);
-    low = std::max(low, wider - kIntervalInDeviations * noise * deviation);
-    high = std::min(high, wider + kIntervalInDeviations * noise * deviation);
-    if (low > high) break;
-    mean = {wider, deviation};
+    if (!means.take((sums[i + half + 1] - sums[i - half]) / count, 1 / std::sqrt(count))) break;
   }
-  return mean;
+  return means.best();
 }
 
 /// Least squares of a parabola over 2 half + 1 samples: its middle is (Σj⁴ Σu − Σj² Σj²u) / determinant.
@@ -94,17 +110,12 @@ struct Parabola {
 /// The same with the middles of parabolas.
 Estimate agreeing_curve(std::span<const Parabola> parabolas, std::span<const double> u, std::size_t i,
                         std::size_t first, std::size_t last, double noise) {
-  Estimate curve{u[i], 1};
-  double low = u[i] - kCurveIntervalInDeviations * noise, high = u[i] + kCurveIntervalInDeviations * noise;
+  Agreement curves(u[i], kCurveIntervalInDeviations * noise);
   for (const Parabola& parabola : parabolas) {
     if (i < first + parabola.half || i + parabola.half >= last) break;
-    const double wider = parabola.middle(u, i);
-    low = std::max(low, wider - kCurveIntervalInDeviations * noise * parabola.deviation);
-    high = std::min(high, wider + kCurveIntervalInDeviations * noise * parabola.deviation);
-    if (low > high) break;
-    curve = {wider, parabola.deviation};
+    if (!curves.take(parabola.middle(u, i), parabola.deviation)) break;
   }
-  return curve;
+  return curves.best();
 }
 
 std::vector<double> without_noise(const Recording& recording) {
