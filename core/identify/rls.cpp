@@ -11,8 +11,6 @@
 namespace valvetriage {
 namespace {
 
-constexpr std::size_t kLargestUnrolled = 32;
-
 /// Growth of P over P(0) beyond which nothing more is forgotten: a stream at rest would otherwise overflow P.
 constexpr double kWindUp = 1e12;
 
@@ -21,8 +19,13 @@ std::size_t parameter_count(const RlsOptions& o) {
   return static_cast<std::size_t>(o.order + o.input_terms + extra);
 }
 
-/// Even λ = 0.01 grows P by no more than 10¹²⁸ in between.
-constexpr std::size_t kRescalePeriod = 64;
+/// Updates between two looks at P's size: even λ = 0.01 grows P by no more than 10¹²⁸ in between.
+constexpr std::size_t kWindUpPeriod = 64;
+
+/// Columns are padded with a zero to pairs of doubles, so that both lanes are used; the pad of column j meets φⱼ.
+constexpr std::size_t padded(std::size_t n) {
+  return (n + 1) & ~std::size_t{1};
+}
 
 /// The newest value to the front, the oldest dropped.
 void push_front(std::vector<double>& history, double value) {
@@ -48,83 +51,27 @@ Result<void> check_count(const char* field, int value, int least, int most) {
 
 RlsKernel::RlsKernel(std::vector<double> theta, double lambda, double initial_covariance)
     : n_(theta.size()),
-      stride_((theta.size() + 1) & ~std::size_t{1}),
       theta_(std::move(theta)),
+      diagonal_(n_, initial_covariance),
+      f_(n_),
+      inverse_alpha_(n_ + 1),
+      k_(n_),
       lambda_(lambda),
       largest_trace_(kWindUp * initial_covariance * static_cast<double>(n_)) {
-  update_ = update_for<kLargestUnrolled / 2>(stride_);
-  theta_.resize(stride_);
-  phi_.resize(stride_);
-  f_.resize(stride_);
-  root_.resize(stride_ * stride_);
-  for (std::size_t i = 0; i < n_; ++i) root_[i * stride_ + i] = std::sqrt(initial_covariance);
+  std::size_t entries = 0;
+  for (std::size_t j = 0; j < n_; ++j) entries += padded(j);
+  columns_.resize(entries);
 }
 
-/// N = 0: any size.
-template <std::size_t N>
-bool RlsKernel::update_padded(RlsKernel& kernel, double y, double& prediction_error) {
-  const std::size_t n = N == 0 ? kernel.stride_ : N;
-  const double* const phi = kernel.phi_.data();
-  double* const root = kernel.root_.data();
-  double* const theta = kernel.theta_.data();
-  double local_f[N == 0 ? 1 : N];
-  double* const f = N == 0 ? kernel.f_.data() : local_f;
-
-  for (std::size_t j = 0; j < n; ++j) f[j] = 0;
-  for (std::size_t i = 0; i < n; ++i) {
-    for (std::size_t j = 0; j < n; ++j) f[j] += phi[i] * root[i * n + j];
-  }
-  double predicted = 0;
-  double excitation = 0;
-  for (std::size_t i = 0; i < n; ++i) {
-    predicted += phi[i] * theta[i];
-    excitation += f[i] * f[i];
-  }
-  const double alpha = kernel.lambda_ + kernel.scale_ * excitation;
-  const double inverse_alpha = 1 / alpha;
-  const double error = y - predicted;
-  const double squared = error * error * inverse_alpha;
-  if (!std::isfinite(squared) || !std::isfinite(alpha)) return false;
-
-  const double shrink = kernel.scale_ / (alpha + std::sqrt(alpha * kernel.lambda_));
-  const double step = kernel.scale_ * error * inverse_alpha;
-  if (!kernel.wound_up_) kernel.scale_ /= kernel.lambda_;
-  for (std::size_t i = 0; i < n; ++i) {
-    double even = 0;  // two sums, so that the compiler may use both lanes
-    double odd = 0;
-    for (std::size_t j = 0; j < n; j += 2) {
-      even += root[i * n + j] * f[j];
-      odd += root[i * n + j + 1] * f[j + 1];
-    }
-    const double gain = even + odd;
-    theta[i] += gain * step;
-    const double scaled = gain * shrink;
-    for (std::size_t j = 0; j < n; ++j) root[i * n + j] -= scaled * f[j];
-  }
-  kernel.squared_error_ = kernel.lambda_ * (kernel.squared_error_ + squared);
-  kernel.effective_samples_ = kernel.lambda_ * kernel.effective_samples_ + 1;
-  prediction_error = error;
-  return true;
-}
-
-template <std::size_t Pairs>
-RlsKernel::Update RlsKernel::update_for(std::size_t stride) {
-  if constexpr (Pairs == 0) {
-    return &update_padded<0>;
-  } else {
-    return stride == 2 * Pairs ? &update_padded<2 * Pairs> : update_for<Pairs - 1>(stride);
-  }
-}
-
-void RlsKernel::rescale() {
-  if (lambda_ == 1) return;
-  const double growth = std::sqrt(scale_);
+void RlsKernel::look_for_wind_up() {
   double trace = 0;
-  for (double& entry : root_) {
-    entry *= growth;
-    trace += entry * entry;
+  const double* column = columns_.data();
+  for (std::size_t j = 0; j < n_; ++j) {
+    double squares = 1;
+    for (std::size_t i = 0; i < j; ++i) squares += column[i] * column[i];
+    trace += diagonal_[j] * squares;
+    column += padded(j);
   }
-  scale_ = 1;
   wound_up_ = trace > largest_trace_;
 }
 
@@ -132,22 +79,84 @@ Result<double> RlsKernel::update(std::span<const double> phi, double y) {
   if (phi.size() != n_) {
     return fail("wrong_size", fmt::format("the regressor has {} values, the estimate {}", phi.size(), n_));
   }
-  std::copy(phi.begin(), phi.end(), phi_.begin());
-  if (updates_ % kRescalePeriod == 0) rescale();
-  double prediction_error = 0;
-  if (!update_(*this, y, prediction_error)) {
+  if (lambda_ < 1 && updates_ % kWindUpPeriod == 0) look_for_wind_up();
+
+  double predicted = 0;
+  double alpha = lambda_;
+  const double* column = columns_.data();
+  for (std::size_t j = 0; j < n_; ++j) {
+    double even = phi[j];
+    double odd = 0;  // two sums, so that the compiler may use both lanes
+    for (std::size_t i = 0; i < j; i += 2) {
+      even += column[i] * phi[i];
+      odd += column[i + 1] * phi[i + 1];
+    }
+    column += padded(j);
+    f_[j] = even + odd;
+    predicted += phi[j] * theta_[j];
+    inverse_alpha_[j] = 1 / alpha;
+    alpha += f_[j] * f_[j] * diagonal_[j];
+  }
+  inverse_alpha_[n_] = 1 / alpha;
+  const double error = y - predicted;
+  const double squared = error * error * inverse_alpha_[n_];
+  if (!std::isfinite(squared) || !std::isfinite(alpha)) {
     return fail("not_finite", "the sample is not finite or too large to be used; the estimate is unchanged");
   }
+
+  update_covariance();
+  const double step = error * inverse_alpha_[n_];
+  for (std::size_t j = 0; j < n_; ++j) theta_[j] += k_[j] * step;
+  squared_error_ = lambda_ * (squared_error_ + squared);
+  effective_samples_ = lambda_ * effective_samples_ + 1;
   ++updates_;
-  return prediction_error;
+  return error;
+}
+
+void RlsKernel::update_covariance() {
+  double* const k = k_.data();
+  const double growth = wound_up_ ? 1 : 1 / lambda_;
+  double alpha = lambda_;
+  struct Gain {
+    double v, down;
+  };
+  const auto shrink_diagonal = [&](std::size_t j) {
+    const Gain gain{f_[j] * diagonal_[j], f_[j] * inverse_alpha_[j]};
+    diagonal_[j] *= alpha * inverse_alpha_[j + 1] * growth;
+    alpha += f_[j] * gain.v;
+    return gain;
+  };
+  // Two columns at a time, so that k goes through memory half as often. The first column has nothing above its
+  // diagonal.
+  if (n_ % 2 == 1) k[0] = shrink_diagonal(0).v;
+  double* left = columns_.data();
+  for (std::size_t j = n_ % 2; j < n_; j += 2) {
+    double* const right = left + padded(j);
+    const Gain of_left = shrink_diagonal(j);
+    const Gain of_right = shrink_diagonal(j + 1);
+    for (std::size_t i = 0; i < j; ++i) {
+      const double old_left = left[i], old_right = right[i];
+      const double between = k[i] + old_left * of_left.v;
+      left[i] = old_left - k[i] * of_left.down;
+      right[i] = old_right - between * of_right.down;
+      k[i] = between + old_right * of_right.v;
+    }
+    k[j] = of_left.v + right[j] * of_right.v;
+    k[j + 1] = of_right.v;
+    right[j] -= of_left.v * of_right.down;
+    left = right + padded(j + 1);
+  }
 }
 
 Eigen::MatrixXd RlsKernel::covariance() const {
-  using Root = Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>;
-  const auto size = static_cast<Eigen::Index>(stride_);
-  const auto used = static_cast<Eigen::Index>(n_);
-  const auto root = Root(root_.data(), size, size).topLeftCorner(used, used);
-  return scale_ * root * root.transpose();
+  const auto size = static_cast<Eigen::Index>(n_);
+  Eigen::MatrixXd upper = Eigen::MatrixXd::Identity(size, size);
+  const double* column = columns_.data();
+  for (std::size_t j = 0; j < n_; ++j) {
+    for (std::size_t i = 0; i < j; ++i) upper(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)) = column[i];
+    column += padded(j);
+  }
+  return upper * Eigen::Map<const Eigen::VectorXd>(diagonal_.data(), size).asDiagonal() * upper.transpose();
 }
 
 double RlsKernel::noise_variance() const {
