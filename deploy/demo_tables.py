@@ -11,7 +11,7 @@ def load(path):
 
 
 # Figures of a level in an analysis, and what `rule-base learn` calls their columns.
-FIGURES = {"error_eq20": "error", "settling_error": "settling_error", "rise_time_s": "rise_time"}
+FIGURES = {"error_eq20": "error", "settling_error": "settling_error", "rise_time_s": "rise_time", "bandwidth_hz": "bandwidth"}
 
 
 def features(labels_csv, analyses):

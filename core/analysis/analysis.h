@@ -41,6 +41,7 @@ struct LevelFigures {
   std::optional<double> error_eq20_own;  ///< the other reading of Eq 20: against the valve's own fit
   std::optional<double> settling_error;  ///< |measured − simulated| at the end of the window [psi]
   std::optional<double> rise_time_s;     ///< 10 to 90 % of the measured rise
+  std::optional<double> bandwidth_hz;    ///< of the smallest sweep whose input covers the level; empty without one
 };
 
 struct RecordingFigures {

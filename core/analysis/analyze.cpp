@@ -240,7 +240,7 @@ class LevelAverage {
 
   LevelFigures figures() const {
     const auto root = [](std::optional<double> v) { return v ? std::optional(std::sqrt(*v)) : v; };
-    return {level_, root(error_.mean()), root(own_.mean()), settling_.mean(), rise_.mean()};
+    return {level_, root(error_.mean()), root(own_.mean()), settling_.mean(), rise_.mean(), {}};
   }
 
  private:
@@ -289,6 +289,10 @@ std::vector<LevelFigures> figures_by_level(std::span<const Recording> recordings
   for (const LevelAverage& level : levels) by_level.push_back(level.figures());
   std::sort(by_level.begin(), by_level.end(), [](const auto& a, const auto& b) { return a.level_a < b.level_a; });
   return by_level;
+}
+
+void add_bandwidths(std::span<const FrequencyResult> results, std::vector<LevelFigures>& by_level) {
+  for (LevelFigures& level : by_level) level.bandwidth_hz = bandwidth_at(results, level.level_a);
 }
 
 /// The recordings with other outputs.
@@ -368,6 +372,7 @@ Result<Analysis> analyze(std::span<const Recording> recordings, const AnalysisOp
   if (all_in_valve_units(recordings)) {
     analysis.simulation.by_level = figures_by_level(recordings, *runs, analysis.baseline, analysis.simulation.window);
   }
+  add_bandwidths(analysis.frequency_response, analysis.simulation.by_level);
   const auto classified = [&](std::span<const LevelFigures> by_level) {
     return classify_valve({.by_level = by_level,
                            .baseline = analysis.baseline.kind,
@@ -382,7 +387,8 @@ Result<Analysis> analyze(std::span<const Recording> recordings, const AnalysisOp
     add_errors_caused(recordings, *runs, analysis.simulation.window, analysis);
     const std::vector<Recording> valve_alone = without_stand(recordings, *runs, analysis);
     if (!valve_alone.empty()) {
-      const auto by_level = figures_by_level(valve_alone, *runs, analysis.baseline, analysis.simulation.window);
+      auto by_level = figures_by_level(valve_alone, *runs, analysis.baseline, analysis.simulation.window);
+      add_bandwidths(analysis.frequency_response, by_level);
       analysis.classification.without_stand_causes = classified(by_level).verdict;
     }
   }

@@ -72,7 +72,7 @@ std::vector<LevelFeatures> features_of(std::span<const LevelFigures> by_level) {
   std::vector<LevelFeatures> features;
   for (const LevelFigures& level : by_level) {
     if (!level.error_eq20) continue;
-    features.push_back({level.level_a, *level.error_eq20, level.settling_error, level.rise_time_s});
+    features.push_back({level.level_a, *level.error_eq20, level.settling_error, level.rise_time_s, level.bandwidth_hz});
   }
   return features;
 }

@@ -12,8 +12,11 @@ namespace valvetriage {
 namespace {
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-constexpr double kAlikeShare = 0.1;         // of the amplitude: repeats of one test differ by less
-constexpr int kGridPerDecade = 200;         // on which features are read off the model
+constexpr double kAlikeShare = 0.1;     // of the amplitude: repeats of one test differ by less
+constexpr int kGridPerDecade = 200;     // on which features are read off the model
+constexpr double kCoveredShare = 1.01;  // of the amplitude: its estimate errs
+constexpr double kPeaks =
+    0.5 * std::numbers::ln2;                // 3 dB above the lowest frequency: falls from its peak, not a corner
 constexpr double kRolloffFrom = 2;          // bandwidths
 constexpr double kRolloffTo = 8;            // two octaves further, so that the slope does not depend on the band
 constexpr double kShortestRolloff = 1.5;    // ratio of frequencies that gives a slope
@@ -166,17 +169,16 @@ double slope_of(const Curve& curve, const Stretch& stretch) {
   return (n * sxy - sx * sy) / (n * sxx - sx * sx);
 }
 
-/// Where Bode's asymptote of a stretch, of slope −m (20 m dB/decade, m whole), meets y = 0. It touches the curve where
-/// the curve's own slope is nearest to it: a lag seen an octave or two beyond its corner has not reached its asymptote,
-/// and a line through that stretch would meet y = 0 an eighth below the corner.
-double corner_of(const Curve& curve, const Stretch& stretch, double slope) {
-  const double m = std::max(1.0, std::round(-slope));
-  double nearest = std::numeric_limits<double>::infinity(), corner = kNone;
-  for (std::size_t i = stretch.begin + 1; i < stretch.end; ++i) {
-    const double own = (curve.y[i] - curve.y[i - 1]) / (curve.x[i] - curve.x[i - 1]);
-    if (std::abs(own + m) > nearest) continue;
-    nearest = std::abs(own + m);
-    corner = curve.x[i] + curve.y[i] / m;
+/// Where the tangent of −20 dB/decade meets y = 0: at the first point that falls as steeply, else at the steepest one
+/// up to `end` (a lag seen an octave or two beyond its corner has nearly reached its asymptote).
+double first_corner_of(const Curve& curve, std::size_t end) {
+  double steepest = 0, corner = kNone;
+  for (std::size_t i = 1; i < end; ++i) {
+    const double slope = (curve.y[i] - curve.y[i - 1]) / (curve.x[i] - curve.x[i - 1]);
+    if (slope >= steepest) continue;
+    steepest = slope;
+    corner = curve.x[i] + curve.y[i];
+    if (slope <= -1) break;
   }
   return corner;
 }
@@ -245,14 +247,15 @@ double feature_or(const FrequencyResult& result, const char* name, double otherw
   return found == result.features.end() ? otherwise : found->value;
 }
 
-/// Slope, corner and phase there; `add` takes name, value, standard error and unit.
+/// Slope, and where there is one the first corner and the phase there; `add` takes name, value, standard error and
+/// unit.
 template <typename Add>
-void add_rolloff(const Curve& curve, double bandwidth, const Add& add) {
+void add_rolloff(const Curve& curve, double bandwidth, bool has_corner, const Add& add) {
   const Stretch stretch = rolloff_of(curve, bandwidth);
   if (stretch.begin == stretch.end) return;
   const double slope = slope_of(curve, stretch);
-  const double corner = corner_of(curve, stretch, slope);
-  if (slope < 0 && corner > curve.x.front() && corner < curve.x.back()) {
+  const double corner = first_corner_of(curve, stretch.end);
+  if (has_corner && corner > curve.x.front() && corner < curve.x.back()) {
     const auto at = std::lower_bound(curve.x.begin(), curve.x.end(), corner) - curve.x.begin();
     add("corner_hz", std::exp(corner), kNone, "Hz");
     add("phase_at_corner_deg", curve.phase[static_cast<std::size_t>(at)] * 180 / std::numbers::pi, kNone, "deg");
@@ -268,15 +271,15 @@ std::vector<ResponseFeature> response_features(const FrequencyResponse& response
   const auto add = [&](const char* name, double value, double std_error, const char* unit) {
     if (std::isfinite(value)) features.push_back({name, value, std_error, unit});
   };
+  const auto peak = std::max_element(curve.y.begin(), curve.y.end());
   double slope = kNone;
   const double x3 = first_fall(curve, -0.5 * std::numbers::ln2, slope);
   const double bandwidth_hz = std::exp(x3);
   if (std::isfinite(x3)) {
     add("bandwidth_hz", bandwidth_hz, bandwidth_hz * relative_error_near(response, bandwidth_hz) / std::abs(slope),
         "Hz");
-    add_rolloff(curve, x3, add);
+    add_rolloff(curve, x3, *peak < kPeaks, add);
   }
-  const auto peak = std::max_element(curve.y.begin(), curve.y.end());
   add("resonance_peak_db", decibels(*peak), kNone, "dB");
   if (*peak > 0) {
     add("resonance_hz", std::exp(curve.x[static_cast<std::size_t>(peak - curve.y.begin())]), kNone, "Hz");
@@ -298,6 +301,15 @@ std::vector<FrequencyResult> analyze_frequency(std::span<const Recording> record
     }
   }
   return results;
+}
+
+std::optional<double> bandwidth_at(std::span<const FrequencyResult> results, double level) {
+  for (const FrequencyResult& result : results) {
+    const double distance = std::abs(level - result.response.input_mean);
+    const double bandwidth_hz = feature_or(result, "bandwidth_hz", kNone);
+    if (distance <= kCoveredShare * result.response.input_amplitude && std::isfinite(bandwidth_hz)) return bandwidth_hz;
+  }
+  return std::nullopt;
 }
 
 std::optional<double> cross_domain_rmse(std::span<const Recording> recordings,

@@ -43,7 +43,11 @@ std::vector<FrequencyResult> analyze_frequency(std::span<const Recording> record
 /// Features of a fitted response within its band.
 ///
 ///   bandwidth_hz             gain falls below 1/√2 of its value at the lowest frequency (−3 dB)
-///   corner_hz                where Bode's asymptote of the roll-off (whole multiples of 20 dB/decade) meets that value
+///   corner_hz                the first corner: where the tangent of −20 dB/decade meets that value. A second lag moves
+///   it
+///                            down, as it does the bandwidth; a corner of the whole roll-off would jump up by half an
+///                            octave where the roll-off comes nearer to 40 than to 20 dB/decade. None where the gain
+///                            peaks by 3 dB: resonance_hz tells where it falls
 ///   rolloff_db_per_decade    slope of ln gain over ln f from twice the bandwidth to eight times, or the band's end
 ///   resonance_peak_db, resonance_hz   largest gain over that at the lowest frequency; 0 dB without one
 ///   phase_at_corner_deg      at corner_hz, from the phase at the lowest frequency
@@ -52,6 +56,10 @@ std::vector<FrequencyResult> analyze_frequency(std::span<const Recording> record
 /// What the band does not reach is absent. Standard errors: of the bandwidth by the gain's own at the next point over
 /// the slope there; of the delay from the fit.
 std::vector<ResponseFeature> response_features(const FrequencyResponse& response, const ResponseModel& model);
+
+/// −3 dB bandwidth [Hz] at a level of the input: of the response of the smallest amplitude whose input covers it (mean
+/// ± amplitude, a hundredth of it to spare). Empty where none does or its band ends before.
+std::optional<double> bandwidth_at(std::span<const FrequencyResult> results, double level);
 
 /// How far the transfer function of a sweep and the steps of the same valve are apart: rms of measured − simulated
 /// [unit of the output].

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 namespace valvetriage {
 namespace {
@@ -57,6 +58,9 @@ void set_value(LevelFeatures& features, Quantity quantity, double value) {
       break;
     case Quantity::kRiseTime:
       features.rise_time_s = value;
+      break;
+    case Quantity::kBandwidthTime:
+      features.bandwidth_hz = 1 / (2 * std::numbers::pi * value);
       break;
   }
 }

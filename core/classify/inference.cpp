@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 namespace valvetriage {
 namespace {
@@ -143,6 +144,8 @@ std::optional<double> value_of(const LevelFeatures& features, Quantity quantity)
       return features.settling_error ? std::optional(std::abs(*features.settling_error)) : std::nullopt;
     case Quantity::kRiseTime:
       return features.rise_time_s;
+    case Quantity::kBandwidthTime:
+      return features.bandwidth_hz ? std::optional(1 / (2 * std::numbers::pi * *features.bandwidth_hz)) : std::nullopt;
   }
   return std::nullopt;
 }

@@ -32,11 +32,14 @@ std::optional<double> exact_centroid(std::span<const FiredSet> fired, Implicatio
 /// error_eq20      Eq 20, [unit of the output / s], ≥ 0
 /// settling_error  |measured − simulated| at the end of the window; its magnitude counts
 /// rise_time_s     10 to 90 % of the measured rise
+/// bandwidth_hz    −3 dB, of a sweep around the level, > 0. Rules ask about its time 1 / (2π bandwidth), the time
+///                 constant of a single lag of that bandwidth: like the other quantities it is worse when larger
 struct LevelFeatures {
   double level_a = 0;
   double error_eq20 = 0;
   std::optional<double> settling_error{};
   std::optional<double> rise_time_s{};
+  std::optional<double> bandwidth_hz{};
 };
 
 /// The value of a quantity, nothing where it was not measured.

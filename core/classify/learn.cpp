@@ -304,7 +304,7 @@ Result<void> require_finite(std::span<const LabelledValve> valves) {
 
 void append_further_inputs(std::span<const LabelledValve> valves, const std::vector<Verdict>& classes,
                            const LearnOptions& options, LearnedLevel& level, std::vector<std::string>& notes) {
-  for (const Quantity quantity : {Quantity::kSettlingError, Quantity::kRiseTime}) {
+  for (const Quantity quantity : {Quantity::kSettlingError, Quantity::kRiseTime, Quantity::kBandwidthTime}) {
     const ByClass values = values_by_class(valves, level.level_a, quantity);
     const bool measured = std::any_of(values.begin(), values.end(), [](const auto& v) { return !v.empty(); });
     if (!measured) continue;

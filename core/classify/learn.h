@@ -45,9 +45,9 @@ struct LearnedRuleBase {
 /// of the better class at its level, a valve's score is the largest of these, and the crossing is the geometric middle
 /// between the scores' quartiles. So the levels a fault does not show at are not drawn into the good valves.
 ///
-/// Settling error and rise time join where they separate the classes in the same order; a rule then concludes the
-/// weighted mean of its sets, weights by how well each separates (Somers' D). Rules for every set of measured inputs
-/// are in the base, so that it still classifies where one is absent.
+/// Settling error, rise time and the time of the bandwidth join where they separate the classes in the same order; a
+/// rule then concludes the weighted mean of its sets, weights by how well each separates (Somers' D). Rules for every
+/// set of measured inputs are in the base, so that it still classifies where one is absent.
 ///
 /// With only two classes labelled it is a two-class base, and a note says so.
 /// Errors   `too_few_labels` (Good and at least one other class, each with fewest_per_class valves),

@@ -101,6 +101,8 @@ std::string_view to_string(Quantity quantity) {
       return "settling_error";
     case Quantity::kRiseTime:
       return "rise_time_s";
+    case Quantity::kBandwidthTime:
+      return "bandwidth_time_s";
   }
   return "";
 }

@@ -12,11 +12,12 @@
 namespace valvetriage {
 
 /// What a rule may ask about. `kError` is Eq 20 and always there; the others are used where they were measured.
-enum class Quantity : std::uint8_t { kError, kSettlingError, kRiseTime };
+enum class Quantity : std::uint8_t { kError, kSettlingError, kRiseTime, kBandwidthTime };
 
-inline constexpr std::array<Quantity, 3> kQuantities{Quantity::kError, Quantity::kSettlingError, Quantity::kRiseTime};
+inline constexpr std::array<Quantity, 4> kQuantities{Quantity::kError, Quantity::kSettlingError, Quantity::kRiseTime,
+                                                     Quantity::kBandwidthTime};
 
-/// `error`, `settling_error`, `rise_time_s`: as rule bases spell them.
+/// `error`, `settling_error`, `rise_time_s`, `bandwidth_time_s`: as rule bases spell them.
 std::string_view to_string(Quantity quantity);
 std::optional<Quantity> quantity_from(std::string_view name);
 

@@ -33,15 +33,15 @@ std::string verdict_line(const ClassificationResult& classification) {
 void append_levels(const Analysis& analysis, const std::string& unit, std::string& page) {
   if (analysis.simulation.by_level.empty()) return;
   const std::string rate = unit.empty() ? "" : unit + "/s";
-  page += fmt::format("\n{:<9} {:<13} {:<22} {:<8} {}\n", "level A", "Eq 20 " + rate, "settling error " + unit,
-                      "rise s", "verdict");
+  page += fmt::format("\n{:<9} {:<13} {:<22} {:<8} {:<13} {}\n", "level A", "Eq 20 " + rate, "settling error " + unit,
+                      "rise s", "bandwidth Hz", "verdict");
   for (const LevelFigures& level : analysis.simulation.by_level) {
     const auto& judged = analysis.classification.per_level;
     const auto verdict = std::find_if(judged.begin(), judged.end(), [&](const LevelVerdict& candidate) {
       return candidate.level == level_name(level.level_a);
     });
-    page += fmt::format("{:<9.3f} {:<13} {:<22} {:<8} {}\n", level.level_a, or_dash(level.error_eq20, 3),
-                        or_dash(level.settling_error, 3), or_dash(level.rise_time_s, 4),
+    page += fmt::format("{:<9.3f} {:<13} {:<22} {:<8} {:<13} {}\n", level.level_a, or_dash(level.error_eq20, 3),
+                        or_dash(level.settling_error, 3), or_dash(level.rise_time_s, 4), or_dash(level.bandwidth_hz, 4),
                         verdict == judged.end() ? "" : verdict->verdict);
   }
 }

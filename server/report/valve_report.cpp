@@ -46,10 +46,11 @@ std::string level_table(const Simulation& simulation, const std::string& unit) {
   Table table({{"Level [A]", true},
                {"Error (Eq 20)", true},
                {escaped("Settling error [" + unit + "]"), true},
-               {"Rise time [s]", true}});
+               {"Rise time [s]", true},
+               {"Bandwidth [Hz]", true}});
   for (const LevelFigures& level : simulation.by_level) {
     table.add_row({fmt::format("{:.2f}", level.level_a), figure(level.error_eq20), figure(level.settling_error),
-                   figure(level.rise_time_s)});
+                   figure(level.rise_time_s), figure(level.bandwidth_hz)});
   }
   return table.markup();
 }

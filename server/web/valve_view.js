@@ -25,12 +25,15 @@ function membershipBars(memberships, caption) {
 
 function levelTable(analysis) {
   const unit = analysis.baseline.model.output_unit ?? "";
+  const levels = analysis.simulation.by_level;
+  const has_bandwidth = levels.some((l) => typeof l.bandwidth_hz === "number");
   return table([
     { title: "Level", unit: "A", value: (l) => l.level_A, show: (l) => l.level_A.toFixed(2), number: true },
     { title: "Error (Eq 20)", value: (l) => l.error_eq20, show: (l) => figure(l.error_eq20), number: true },
     { title: "Settling error", unit, value: (l) => l.settling_error, show: (l) => figure(l.settling_error), number: true },
     { title: "Rise time", unit: "s", value: (l) => l.rise_time_s, show: (l) => figure(l.rise_time_s), number: true },
-  ], analysis.simulation.by_level, { caption: "Step response by current level, against the mean good valve", empty: "No recording steps to a known level." });
+    ...(has_bandwidth ? [{ title: "Bandwidth", unit: "Hz", value: (l) => l.bandwidth_hz, show: (l) => figure(l.bandwidth_hz), number: true }] : []),
+  ], levels, { caption: "Step response by current level, against the mean good valve", empty: "No recording steps to a known level." });
 }
 
 function ruleLists(classification) {

@@ -94,7 +94,8 @@ Json to_json(const LevelFigures& level) {
               {"error_eq20", finite_or_null(level.error_eq20)},
               {"error_eq20_own_fit", finite_or_null(level.error_eq20_own)},
               {"settling_error", finite_or_null(level.settling_error)},
-              {"rise_time_s", finite_or_null(level.rise_time_s)}};
+              {"rise_time_s", finite_or_null(level.rise_time_s)},
+              {"bandwidth_hz", finite_or_null(level.bandwidth_hz)}};
 }
 
 Json to_json(const RecordingFigures& figures) {
@@ -198,7 +199,8 @@ Simulation simulation_from_json(JsonFields fields) {
                                    .error_eq20 = level.optional_number("error_eq20"),
                                    .error_eq20_own = level.optional_number("error_eq20_own_fit"),
                                    .settling_error = level.optional_number("settling_error"),
-                                   .rise_time_s = level.optional_number("rise_time_s")});
+                                   .rise_time_s = level.optional_number("rise_time_s"),
+                                   .bandwidth_hz = level.optional_number("bandwidth_hz")});
   }
   for (JsonFields& recording : fields.objects("per_recording")) {
     simulation.per_recording.push_back({.name = recording.text("name"),

@@ -74,8 +74,10 @@ char separator_of(std::string_view header) {
 
 /// The quantity and the level a column's name spells, nothing for a column of another kind.
 std::optional<std::pair<Quantity, double>> feature_of(std::string_view name) {
-  constexpr std::pair<std::string_view, Quantity> kPrefixes[] = {
-      {"error_", Quantity::kError}, {"settling_error_", Quantity::kSettlingError}, {"rise_time_", Quantity::kRiseTime}};
+  constexpr std::pair<std::string_view, Quantity> kPrefixes[] = {{"error_", Quantity::kError},
+                                                                 {"settling_error_", Quantity::kSettlingError},
+                                                                 {"rise_time_", Quantity::kRiseTime},
+                                                                 {"bandwidth_", Quantity::kBandwidthTime}};
   for (const auto& [prefix, quantity] : kPrefixes) {
     if (!name.starts_with(prefix)) continue;
     if (const auto level = level_from_name(name.substr(prefix.size()))) return std::pair{quantity, *level};
@@ -151,11 +153,20 @@ std::optional<double> number_of(std::string_view text, char separator) {
 
 /// The features of one row under construction: the error may stand in a later column than what belongs to it.
 struct LevelCells {
-  std::optional<double> error, settling_error, rise_time_s;
+  std::optional<double> error, settling_error, rise_time_s, bandwidth_hz;
 
   std::optional<double>& of(Quantity quantity) {
-    if (quantity == Quantity::kSettlingError) return settling_error;
-    return quantity == Quantity::kRiseTime ? rise_time_s : error;
+    switch (quantity) {
+      case Quantity::kError:
+        return error;
+      case Quantity::kSettlingError:
+        return settling_error;
+      case Quantity::kRiseTime:
+        return rise_time_s;
+      case Quantity::kBandwidthTime:
+        return bandwidth_hz;
+    }
+    return error;
   }
 };
 
@@ -167,6 +178,9 @@ Result<double> read_value(std::string_view text, const Layout& layout, std::size
   // A settling error may be given with its sign; an Eq 20 error or a rise time below zero is a mistake.
   if (*value < 0 && column.quantity != Quantity::kSettlingError) {
     return at_field(line, index, column, "negative", text, "a number of at least 0");
+  }
+  if (*value == 0 && column.quantity == Quantity::kBandwidthTime) {
+    return at_field(line, index, column, "not_positive", text, "a frequency above 0 Hz");
   }
   return *value;
 }
@@ -192,7 +206,8 @@ Result<FeatureRow> read_row(std::string_view text, const Layout& layout, std::si
   }
   for (std::size_t l = 0; l < cells.size(); ++l) {
     if (!cells[l].error) continue;  // this level was not measured on this valve
-    row.levels.push_back({layout.levels[l], *cells[l].error, cells[l].settling_error, cells[l].rise_time_s});
+    row.levels.push_back(
+        {layout.levels[l], *cells[l].error, cells[l].settling_error, cells[l].rise_time_s, cells[l].bandwidth_hz});
   }
   return row;
 }

@@ -30,12 +30,13 @@ struct FeatureTable {
 /// A table of valves: a header line, then one valve per line.
 ///
 ///   error_low, error_high        Eq 20 at 1.4 A and at 1.6 A, or one per level: error_1.4, error_1.8A
-///   settling_error_<level>, rise_time_<level>       where they are there; an empty field is a value not measured
+///   settling_error_<level>, rise_time_<level> [s], bandwidth_<level> [Hz]
+///                                where they are there; an empty field is a value not measured
 ///   verdict                      Good, Malfunctioned or Severe
 ///
 /// Separator `,` `;` or tab; a decimal comma with the latter two; UTF-8 with or without BOM; LF or CRLF; lines that
 /// start with `#` and empty lines are skipped; other columns are ignored. Errors  `missing_column`, `duplicate_column`,
-/// `not_a_number`, `not_finite`, `negative`, `wrong_field_count`,
+/// `not_a_number`, `not_finite`, `negative`, `not_positive`, `wrong_field_count`,
 ///         `unknown_verdict`, `no_rows`, `too_large`; with line, column, found and expected
 Result<FeatureTable> parse_feature_table(std::string_view text);
 

@@ -63,7 +63,7 @@ Trapezoid read_points(JsonFields& fields) {
 
 FuzzyInput read_input(JsonFields& fields) {
   FuzzyInput input;
-  input.quantity = word(fields, "quantity", quantity_from, "error, settling_error or rise_time_s");
+  input.quantity = word(fields, "quantity", quantity_from, "error, settling_error, rise_time_s or bandwidth_time_s");
   for (JsonFields& set : bounded_objects(fields, "sets", kMaxSets)) {
     input.sets.push_back({set.text("name"), read_points(set)});
   }

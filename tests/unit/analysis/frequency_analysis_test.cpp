@@ -63,6 +63,30 @@ TEST(FrequencyAnalysis, FindsTheResonanceOfALightlyDampedMode) {
   // 1 / (2 ζ √(1 − ζ²)) = 2.55, 8.1 dB, at 5 √(1 − 2 ζ²) Hz.
   EXPECT_NEAR(feature(results[0], "resonance_peak_db"), 8.14, 0.3);
   EXPECT_NEAR(feature(results[0], "resonance_hz"), 4.80, 0.1);
+  EXPECT_TRUE(std::isnan(feature(results[0], "corner_hz")));
+}
+
+TEST(FrequencyAnalysis, ASlowerSecondLagNeverMovesACornerUp) {
+  double last_corner = 100, last_bandwidth = 100;
+  for (const double second_hz : {30.0, 12.0, 7.0, 5.0, 4.0, 3.0, 2.5}) {
+    const std::vector<Recording> one{sweep_of(plant_s(470, {2.4, second_hz}, {}), 0.1, 1)};
+    const auto results = analyze_frequency(one);
+    ASSERT_EQ(results.size(), 1u);
+    EXPECT_LT(feature(results[0], "corner_hz"), last_corner) << second_hz;
+    EXPECT_LT(feature(results[0], "bandwidth_hz"), last_bandwidth) << second_hz;
+    last_corner = feature(results[0], "corner_hz");
+    last_bandwidth = feature(results[0], "bandwidth_hz");
+  }
+}
+
+TEST(FrequencyAnalysis, GivesTheBandwidthOfTheSmallestSweepThatCoversALevel) {
+  const auto slow = plant_s(470, {1.5}, {}), fast = plant_s(470, {3}, {});
+  const std::vector<Recording> session{sweep_of(slow, 0.3, 1), sweep_of(fast, 0.1, 2)};
+  const auto results = analyze_frequency(session);
+  const double mean = session[0].input.values.front();
+  EXPECT_NEAR(*bandwidth_at(results, mean + 0.05), 3, 0.2);
+  EXPECT_NEAR(*bandwidth_at(results, mean + 0.2), 1.5, 0.1);
+  EXPECT_FALSE(bandwidth_at(results, mean + 0.4));
 }
 
 TEST(FrequencyAnalysis, AveragesRepeatsAndKeepsAmplitudesApart) {

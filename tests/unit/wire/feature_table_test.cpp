@@ -37,6 +37,14 @@ TEST(FeatureTable, ReadsLevelsFurtherQuantitiesAndVerdicts) {
   EXPECT_EQ(table.rows[1].levels.size(), 1u) << "an empty error is a level that was not measured";
 }
 
+TEST(FeatureTable, ReadsABandwidthInHertzAboveZero) {
+  const auto table = parse_feature_table("error_low,bandwidth_low\n1,2.5\n1,\n").value();
+  EXPECT_DOUBLE_EQ(*table.rows[0].levels[0].bandwidth_hz, 2.5);
+  EXPECT_FALSE(table.rows[1].levels[0].bandwidth_hz);
+  expect_error("error_low,bandwidth_low\n1,0\n", "not_positive", 2, 2);
+  expect_error("error_low,bandwidth_low\n1,-2\n", "negative", 2, 2);
+}
+
 TEST(FeatureTable, TakesSemicolonTabDecimalCommaByteOrderMarkCommentsAndCrLf) {
   for (const char* text : {"\xEF\xBB\xBF"
                            "error_low;error_high\r\n1,25;0,9\r\n",
