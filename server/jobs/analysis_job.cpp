@@ -39,6 +39,7 @@ Result<AnalysisOptions> analysis_options(const JobSpec& spec, std::optional<Base
     auto reference = parse_json(*spec.reference_json).and_then(reference_from_json);
     if (!reference) return tl::unexpected(reference.error());
     options.reference = std::move(*reference);
+    options.reference->version = spec.reference_version;
   }
   if (spec.rule_base_json) {
     auto rule_base = rule_base_from_json(*spec.rule_base_json);

@@ -116,7 +116,8 @@ std::string to_json_text(const JobSpec& spec) {
                     {"labels", to_json(spec.labels)},
                     {"options", spec.options_json},
                     {"reference", nullable(spec.reference_json)},
-                    {"rule_base", nullable(spec.rule_base_json)}});
+                    {"rule_base", nullable(spec.rule_base_json)},
+                    {"reference_version", spec.reference_version}});
 }
 
 Result<JobSpec> job_spec_from(std::string_view text) {
@@ -132,6 +133,7 @@ Result<JobSpec> job_spec_from(std::string_view text) {
   spec.options_json = fields.text("options");
   spec.reference_json = fields.optional_text("reference");
   spec.rule_base_json = fields.optional_text("rule_base");
+  spec.reference_version = fields.small_count("reference_version");
   if (error) return tl::unexpected(*error);
   return spec;
 }

@@ -33,6 +33,7 @@ struct JobSpec {
   std::string options_json = "{}";
   std::optional<std::string> reference_json{};
   std::optional<std::string> rule_base_json{};
+  int reference_version = 0;  ///< as the store numbers it
 };
 
 /// What the child says on its way.

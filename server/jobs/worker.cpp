@@ -23,10 +23,10 @@ SteadyTime now() {
 }
 
 /// The document that serves this valve type; nothing where there is none.
-Result<std::optional<std::string>> serving_document(Store& store, DocumentKind kind, const Labels& labels) {
+Result<std::optional<DocumentBody>> serving_document(Store& store, DocumentKind kind, const Labels& labels) {
   if (!labels.valve_type) return std::nullopt;
   auto document = store.document(kind, *labels.valve_type);
-  if (document) return std::move(document->body_json);
+  if (document) return std::move(*document);
   if (document.error().code == "not_found") return std::nullopt;
   return tl::unexpected(document.error());
 }
@@ -47,8 +47,11 @@ Result<JobSpec> gather(Store& store, const BlobStore& blobs, const JobRow& job,
   spec.submission_id = job.submission_id;
   spec.labels = submission->labels;
   spec.options_json = job.options_json;
-  spec.reference_json = std::move(*reference);
-  spec.rule_base_json = *rule_base ? std::move(*rule_base) : default_rule_base_json;
+  if (*reference) {
+    spec.reference_json = std::move((*reference)->body_json);
+    spec.reference_version = (*reference)->row.version;
+  }
+  spec.rule_base_json = *rule_base ? std::move((*rule_base)->body_json) : default_rule_base_json;
   for (const RecordingRow& row : *recordings) {
     if (const auto sound = blobs.verify(row.sha256); !sound) return tl::unexpected(sound.error());
     spec.files.push_back({row.name, row.sha256, blobs.path_of(row.sha256), row.test, row.metadata_json});

@@ -43,14 +43,19 @@ std::string subject_table(const ReportSubject& subject) {
 
 std::string level_table(const Simulation& simulation, const std::string& unit) {
   if (simulation.by_level.empty()) return {};
-  Table table({{"Level [A]", true},
-               {"Error (Eq 20)", true},
-               {escaped("Settling error [" + unit + "]"), true},
-               {"Rise time [s]", true},
-               {"Bandwidth [Hz]", true}});
+  const bool has_bandwidth = std::any_of(simulation.by_level.begin(), simulation.by_level.end(),
+                                         [](const LevelFigures& level) { return level.bandwidth_hz.has_value(); });
+  std::vector<Table::Column> columns{{"Level [A]", true},
+                                     {"Error (Eq 20)", true},
+                                     {escaped("Settling error [" + unit + "]"), true},
+                                     {"Rise time [s]", true}};
+  if (has_bandwidth) columns.push_back({"Bandwidth [Hz]", true});
+  Table table(std::move(columns));
   for (const LevelFigures& level : simulation.by_level) {
-    table.add_row({fmt::format("{:.2f}", level.level_a), figure(level.error_eq20), figure(level.settling_error),
-                   figure(level.rise_time_s), figure(level.bandwidth_hz)});
+    std::vector<std::string> row{fmt::format("{:.2f}", level.level_a), figure(level.error_eq20),
+                                 figure(level.settling_error), figure(level.rise_time_s)};
+    if (has_bandwidth) row.push_back(figure(level.bandwidth_hz));
+    table.add_row(row);
   }
   return table.markup();
 }

@@ -84,6 +84,8 @@ class Service(unittest.TestCase):
         by_the_verb = self.documents.analysis(valve, "--rule-base", self.documents.rules)
         self.assertEqual(over_http["engine"], by_the_verb["engine"])
         self.assertEqual(over_http["result_sha256"], by_the_verb["result_sha256"])
+        stored = self.service.get(f"/v1/valve-types/{TYPE}/references")["items"]
+        self.assertEqual(over_http["baseline"]["reference"]["version"], max(row["version"] for row in stored))
 
         status, job = self.service.request(submission["links"]["self"] + "/reanalyze", "")
         self.assertEqual(status, 202, job)

@@ -31,8 +31,8 @@ FrequencyResult sweep_of_valve(std::uint64_t unit, double lag_s) {
 
 using Lot = std::vector<FrequencyResult>;
 
-/// Good valves, and such with a second chamber. Returned ones lag by 70 ms in the mean, which lowers the bandwidth as the
-/// paper's Eqs 16 and 17 have it (−3 dB at 2.9 instead of 4.5 Hz), prototypes by half of that.
+/// Good valves, and such with a second chamber. Returned ones lag by 70 ms in the mean, which lowers the bandwidth as
+/// the paper's Eqs 16 and 17 have it (−3 dB at 2.9 instead of 4.5 Hz), prototypes by half of that.
 const std::map<Verdict, Lot>& lots() {
   static const std::map<Verdict, Lot> played = [] {
     std::map<Verdict, Lot> all;
@@ -88,13 +88,16 @@ TEST(FrequencyLots, ARuleBaseLearnsFromTheBandwidthWhereTheErrorTellsNothing) {
       const auto bandwidth = bandwidth_at(std::span(&valve, 1), kLevel_a);
       ASSERT_TRUE(bandwidth);
       // The error of a valve is here a number that says nothing: it runs over the same values in every lot.
-      valves.push_back({verdict, {{.level_a = kLevel_a, .error_eq20 = double(valves.size() % lot.size()), .bandwidth_hz = bandwidth}}});
+      valves.push_back(
+          {verdict,
+           {{.level_a = kLevel_a, .error_eq20 = double(valves.size() % lot.size()), .bandwidth_hz = bandwidth}}});
     }
   }
   const auto with = learn_rule_base(valves, {});
   ASSERT_TRUE(with) << with.error().message;
   const auto& inputs = with->base.levels.front().inputs;
-  EXPECT_TRUE(std::any_of(inputs.begin(), inputs.end(), [](const FuzzyInput& input) { return input.quantity == Quantity::kBandwidthTime; }));
+  EXPECT_TRUE(std::any_of(inputs.begin(), inputs.end(),
+                          [](const FuzzyInput& input) { return input.quantity == Quantity::kBandwidthTime; }));
   for (LabelledValve& valve : valves) valve.levels.front().bandwidth_hz.reset();
   const auto without = learn_rule_base(valves, {});
   ASSERT_TRUE(without);

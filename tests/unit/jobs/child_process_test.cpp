@@ -31,7 +31,8 @@ Ran run(
                      .labels = {},
                      .options_json = R"({"do":")" + act + R"("})",
                      .reference_json = {},
-                     .rule_base_json = {}};
+                     .rule_base_json = {},
+                     .reference_version = 0};
   const auto on_line = [&](std::string_view line) {
     auto message = child_message_from(line);
     if (message && !message->progress) ran.answer = *message;

@@ -15,7 +15,8 @@ TEST(ChildProtocol, GivesTheChildTheSpecAsItIs) {
       .labels = test::a_valve("lot-a", "EFC-1"),
       .options_json = R"({"baseline":"self"})",
       .reference_json = R"({"r":1})",
-      .rule_base_json = {}};
+      .rule_base_json = {},
+      .reference_version = 3};
   const auto read = job_spec_from(to_json_text(spec));
   ASSERT_TRUE(read) << read.error().message;
   EXPECT_EQ(read->job_id, spec.job_id);
@@ -23,6 +24,7 @@ TEST(ChildProtocol, GivesTheChildTheSpecAsItIs) {
   EXPECT_EQ(read->options_json, spec.options_json);
   EXPECT_EQ(read->reference_json, spec.reference_json);
   EXPECT_FALSE(read->rule_base_json);
+  EXPECT_EQ(read->reference_version, 3);
   ASSERT_EQ(read->files.size(), 2u);
   EXPECT_EQ(read->files[0].name, spec.files[0].name);
   EXPECT_EQ(read->files[0].path, spec.files[0].path);
