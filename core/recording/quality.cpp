@@ -92,6 +92,18 @@ std::vector<std::size_t> coarse_steps(const std::vector<Level>& levels, double l
   return steps;
 }
 
+/// The largest coarse step; 0 where there is none.
+double largest_of(const std::vector<Level>& levels, const std::vector<std::size_t>& steps) {
+  double largest = 0;
+  for (const std::size_t k : steps) largest = std::max(largest, levels[k + 1].value - levels[k].value);
+  return largest;
+}
+
+double coarse_step_of(const std::vector<double>& output, const Extremes& extremes, double sigma) {
+  const std::vector<Level> levels = levels_of(output);
+  return largest_of(levels, coarse_steps(levels, std::max(kCoarseSigmas * sigma, kCoarseOfRange * extremes.range())));
+}
+
 /// The largest coarse step; 0 where the output is fine.
 double judge_quantisation(Recording& recording, const Extremes& extremes, double sigma) {
   const Channel& output = recording.output;
@@ -100,16 +112,12 @@ double judge_quantisation(Recording& recording, const Extremes& extremes, double
       coarse_steps(levels, std::max(kCoarseSigmas * sigma, kCoarseOfRange * extremes.range()));
   if (steps.size() < kFewestLevelSteps) return 0;
 
-  double largest = 0;
   std::size_t samples = 0;
   std::string where;
   for (std::size_t at = 0; at < steps.size();) {
     std::size_t last = at;
     while (last + 1 < steps.size() && steps[last + 1] == steps[last] + 1) ++last;
     for (std::size_t k = steps[at]; k <= steps[last] + 1; ++k) samples += levels[k].samples;
-    for (std::size_t k = steps[at]; k <= steps[last]; ++k) {
-      largest = std::max(largest, levels[k + 1].value - levels[k].value);
-    }
     where += fmt::format("{}from {:.6g} to {}", where.empty() ? "" : " and ", levels[steps[at]].value,
                          quantity(levels[steps[last] + 1].value, output.unit));
     at = last + 1;
@@ -121,7 +129,7 @@ double judge_quantisation(Recording& recording, const Extremes& extremes, double
       {.code = "quantised",
        .detail = fmt::format("{} comes in steps of {} {}", output.quantity, quantity(step, output.unit), where),
        .count = samples});
-  return largest;
+  return largest_of(levels, steps);
 }
 
 // ---- clipped, stuck -----------------------------------------------------------------------------------------------
@@ -176,53 +184,66 @@ Repeats repeats_of(const std::vector<Run>& runs, const std::vector<double>& inpu
   return repeats;
 }
 
+/// Runs of equal output that say something.
+struct TellingRuns {
+  std::vector<Run> at_low, at_high;  ///< at the output's least or greatest value
+  std::vector<Run> stuck;            ///< at any other
+};
+
 /// A coarse output, or one without noise, repeats its values: there only what the input does tells a limit, and nothing
 /// tells a stuck sensor.
-void judge_runs(Recording& recording, const Extremes& extremes, bool can_repeat) {
+TellingRuns telling_runs(const Recording& recording, const Extremes& extremes, bool can_repeat) {
   const std::vector<double>& output = recording.output.values;
   const std::vector<Run> runs = runs_of(output);
   const Repeats repeats = repeats_of(runs, recording.input.values);
   const bool noisy = !can_repeat && repeats.share < kNoiselessRepeats;
   const double far =
       std::max(kInputTravel * extremes_of(recording.input.values).range(), kTravelRatio * repeats.typical_travel);
-
-  struct Found {
-    std::size_t samples = 0, visits = 0, first = 0;
-    void add(const Run& run) {
-      if (visits++ == 0) first = run.begin;
-      samples += run.size();
-    }
-  } at_low, at_high, stuck;
+  TellingRuns telling;
   for (const Run& run : runs) {
     const double level = output[run.begin];
     const bool improbable = noisy && static_cast<double>(run.size()) > repeats.longest;
     if (level == extremes.low || level == extremes.high) {
       const bool held = run.size() >= kFewestClipped && (improbable || travel_of(recording.input.values, run) > far);
-      if (held) (level == extremes.low ? at_low : at_high).add(run);
+      if (held) (level == extremes.low ? telling.at_low : telling.at_high).push_back(run);
     } else if (run.size() >= kFewestStuck && improbable) {
-      stuck.add(run);
+      telling.stuck.push_back(run);
     }
   }
+  return telling;
+}
 
+bool repeats_by_itself(const Extremes& extremes, double sigma, double level_step) {
+  return level_step > 0 || sigma < kNoiselessOfRange * extremes.range();
+}
+
+std::size_t samples_of(const std::vector<Run>& runs) {
+  std::size_t samples = 0;
+  for (const Run& run : runs) samples += run.size();
+  return samples;
+}
+
+void judge_runs(Recording& recording, const Extremes& extremes, bool can_repeat) {
+  const auto [at_low, at_high, stuck] = telling_runs(recording, extremes, can_repeat);
   std::string where;
-  for (const auto& [found, level] : {std::pair(at_low, extremes.low), std::pair(at_high, extremes.high)}) {
-    if (found.visits == 0) continue;
+  for (const auto* visits : {&at_low, &at_high}) {
+    if (visits->empty()) continue;
     where += fmt::format("{}exactly {} on {} visit{}, the first after {:.6g} s", where.empty() ? "" : " and ",
-                         quantity(level, recording.output.unit), found.visits, found.visits == 1 ? "" : "s",
-                         time_at(recording, found.first));
+                         quantity(visits == &at_low ? extremes.low : extremes.high, recording.output.unit),
+                         visits->size(), visits->size() == 1 ? "" : "s", time_at(recording, visits->front().begin));
   }
   if (!where.empty()) {
     recording.quality.push_back({.code = "clipped",
                                  .detail = fmt::format("{} held at {}", recording.output.quantity, where),
-                                 .count = at_low.samples + at_high.samples});
+                                 .count = samples_of(at_low) + samples_of(at_high)});
   }
-  if (stuck.visits > 0) {
+  if (!stuck.empty()) {
     recording.quality.push_back(
         {.code = "stuck",
          .detail = fmt::format("{} does not change at all in {} stretch{}, the first after {:.6g} s",
-                               recording.output.quantity, stuck.visits, stuck.visits == 1 ? "" : "es",
-                               time_at(recording, stuck.first)),
-         .count = stuck.samples});
+                               recording.output.quantity, stuck.size(), stuck.size() == 1 ? "" : "es",
+                               time_at(recording, stuck.front().begin)),
+         .count = samples_of(stuck)});
   }
 }
 
@@ -242,21 +263,25 @@ bool is_spike(const std::vector<double>& y, std::size_t i, std::size_t width, do
   return true;
 }
 
-void judge_outliers(Recording& recording, const Extremes& extremes, double sigma, double level_step) {
-  std::vector<double>& y = recording.output.values;
+std::vector<Run> spikes_of(const std::vector<double>& y, const Extremes& extremes, double sigma, double level_step) {
   const double least =
       std::max({kOutlierSigmas * sigma, kOutlierOfRange * extremes.range(), kOutlierOverStep * level_step});
   std::vector<Run> spikes;
-  std::size_t samples = 0;
   for (std::size_t i = 2; i + 3 < y.size(); ++i) {
     for (const std::size_t width : {std::size_t{1}, std::size_t{2}}) {
       if (!is_spike(y, i, width, least)) continue;
       spikes.push_back({i, i + width});
-      samples += width;
       i += width;
       break;
     }
   }
+  return spikes;
+}
+
+void judge_outliers(Recording& recording, const Extremes& extremes, double sigma, double level_step) {
+  std::vector<double>& y = recording.output.values;
+  const std::vector<Run> spikes = spikes_of(y, extremes, sigma, level_step);
+  const std::size_t samples = samples_of(spikes);
   if (spikes.empty()) return;
 
   const bool repaired = static_cast<double>(samples) <= kRepairableShare * static_cast<double>(y.size());
@@ -276,6 +301,13 @@ void judge_outliers(Recording& recording, const Extremes& extremes, double sigma
                              samples, recording.output.quantity, time_at(recording, spikes.front().begin),
                              repaired ? "left out" : "too many to leave out"),
        .count = samples});
+}
+
+/// Whether the file has a stamp within the run.
+bool is_stamped(const Recording& recording, Run run) {
+  const double half = 0.5 * recording.sample_period_s;
+  const auto stamp = std::ranges::lower_bound(recording.time_s, time_at(recording, run.begin) - half);
+  return stamp != recording.time_s.end() && *stamp < time_at(recording, run.end) - half;
 }
 
 // ---- feedback -----------------------------------------------------------------------------------------------------
@@ -339,9 +371,43 @@ void judge_quality(Recording& recording) {
   const Extremes extremes = extremes_of(recording.output.values);
   const double sigma = noise_of(recording.output.values);
   const double level_step = judge_quantisation(recording, extremes, sigma);
-  judge_runs(recording, extremes, level_step > 0 || sigma < kNoiselessOfRange * extremes.range());
+  judge_runs(recording, extremes, repeats_by_itself(extremes, sigma, level_step));
   judge_feedback(recording);
   judge_outliers(recording, extremes, sigma, level_step);
+}
+
+std::vector<QualityPlace> quality_places(const Recording& recording) {
+  const auto has = [&](std::string_view code) {
+    return std::ranges::any_of(recording.quality, [&](const QualityItem& item) { return item.code == code; });
+  };
+  std::vector<QualityPlace> places;
+  const auto add = [&](const char* code, const std::vector<Run>& runs) {
+    for (const Run& run : runs) places.push_back({.code = code, .begin = run.begin, .end = run.end});
+  };
+  // What was left out is marked so: in a gap there are no stamps, at an outlier there is one.
+  std::vector<Run> gaps, outliers;
+  for (std::size_t i = 0; i < recording.valid.size(); ++i) {
+    if (recording.is_valid(i)) continue;
+    Run run{i, i + 1};
+    while (run.end < recording.valid.size() && !recording.is_valid(run.end)) ++run.end;
+    (is_stamped(recording, run) ? outliers : gaps).push_back(run);
+    i = run.end;
+  }
+  const std::vector<double>& y = recording.output.values;
+  const Extremes extremes = extremes_of(y);
+  const double sigma = noise_of(y);
+  const double level_step = has("quantised") ? coarse_step_of(y, extremes, sigma) : 0;
+  if (has("gap")) add("gap", gaps);
+  if (has("outliers")) add("outliers", outliers.empty() ? spikes_of(y, extremes, sigma, level_step) : outliers);
+  const auto [at_low, at_high, stuck] =
+      telling_runs(recording, extremes, repeats_by_itself(extremes, sigma, level_step));
+  if (has("clipped")) {
+    add("clipped", at_low);
+    add("clipped", at_high);
+  }
+  if (has("stuck")) add("stuck", stuck);
+  std::ranges::stable_sort(places, {}, &QualityPlace::begin);
+  return places;
 }
 
 }  // namespace valvetriage

@@ -1,5 +1,8 @@
 #pragma once
 
+#include <string_view>
+#include <vector>
+
 #include "core/recording/recording.h"
 
 namespace valvetriage {
@@ -24,5 +27,19 @@ namespace valvetriage {
 /// recording  with grid, channels and segments
 /// Cost       O(n log n)
 void judge_quality(Recording& recording);
+
+/// Samples that a quality item speaks of.
+struct QualityPlace {
+  std::string_view code;
+  std::size_t begin = 0;  ///< first sample of the grid
+  std::size_t end = 0;    ///< one past the last
+};
+
+/// Where the items of a judged recording stand, in time's order: gap, outliers, clipped and stuck. The others (jitter,
+/// quantised, feedback) speak of the whole recording.
+///
+/// recording  as judge_quality left it
+/// Cost       O(n log n)
+std::vector<QualityPlace> quality_places(const Recording& recording);
 
 }  // namespace valvetriage

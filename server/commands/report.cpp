@@ -67,8 +67,16 @@ report::RecordingPlot plot_of(const Recording& recording, const Analysis& analys
   const bool added = analysis.discrepancy && !analysis.discrepancy->causes.empty();
   auto panels = report::recording_panels(recording, analysis.baseline.model, added ? &analysis.extended_model : nullptr,
                                          http::kReportPoints);
-  if (panels) return {.name = recording.name, .panels = std::move(*panels), .reason = {}};
-  return {.name = recording.name, .panels = {}, .reason = "This recording cannot be drawn: " + panels.error().message};
+  if (!panels) {
+    return {.name = recording.name,
+            .panels = {},
+            .stretches = {},
+            .reason = "This recording cannot be drawn: " + panels.error().message};
+  }
+  return {.name = recording.name,
+          .panels = std::move(*panels),
+          .stretches = report::recording_stretches(recording, http::kReportStretches),
+          .reason = {}};
 }
 
 Result<std::string> analysed(const ReportArguments& arguments) {

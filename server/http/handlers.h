@@ -30,6 +30,7 @@ namespace valvetriage::http {
   X(get_job) \
   X(post_cancel) \
   X(get_series) \
+  X(get_marks) \
   X(post_simulation) \
   X(list_lots) \
   X(get_lot) \

@@ -44,6 +44,9 @@ inline constexpr std::size_t kMaxSeriesPoints = 20000;
 inline constexpr std::size_t kDefaultSeriesPoints = 2000;
 /// Points of a curve on paper; a printed page resolves no more.
 inline constexpr std::size_t kReportPoints = 1000;
+/// Segments, and places of quality items, that a plot marks: more lines than these would be a grey field.
+inline constexpr std::size_t kReportStretches = 200;
+inline constexpr std::size_t kMaxMarks = 2000;
 /// Recordings a report draws: a session has six; a hundred would be a book.
 inline constexpr std::size_t kMaxReportPlots = 24;
 inline constexpr std::size_t kDefaultPageItems = 100;

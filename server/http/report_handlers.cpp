@@ -30,16 +30,24 @@ const Model* extended_model(const Analysis& analysis) {
   return added ? &analysis.extended_model : nullptr;
 }
 
-Result<std::vector<report::Panel>> panels_of(Service& service, const RecordingRow& row, const Analysis& analysis) {
+Result<report::RecordingPlot> drawn(Service& service, const RecordingRow& row, const Analysis& analysis) {
   const auto recording = read_stored_recording(service, row);
   if (!recording) return tl::unexpected(recording.error());
-  return report::recording_panels(*recording, analysis.baseline.model, extended_model(analysis), kReportPoints);
+  auto panels = report::recording_panels(*recording, analysis.baseline.model, extended_model(analysis), kReportPoints);
+  if (!panels) return tl::unexpected(panels.error());
+  return report::RecordingPlot{.name = row.name,
+                               .panels = std::move(*panels),
+                               .stretches = report::recording_stretches(*recording, kReportStretches),
+                               .reason = {}};
 }
 
 report::RecordingPlot plot_of(Service& service, const RecordingRow& row, const Analysis& analysis) {
-  auto panels = panels_of(service, row, analysis);
-  if (panels) return {.name = row.name, .panels = std::move(*panels), .reason = {}};
-  return {.name = row.name, .panels = {}, .reason = "This recording cannot be drawn: " + panels.error().message};
+  auto plot = drawn(service, row, analysis);
+  if (plot) return std::move(*plot);
+  return {.name = row.name,
+          .panels = {},
+          .stretches = {},
+          .reason = "This recording cannot be drawn: " + plot.error().message};
 }
 
 report::ReportSubject subject_of(const SubmissionRow& row) {
@@ -89,11 +97,11 @@ Result<Response> get_plot(Service& service, Request& request) {
   if (!document) return tl::unexpected(document.error());
   const auto place = ComputationPlace::take(service);
   if (!place) return tl::unexpected(place.error());
-  const auto panels = panels_of(service, *row, document->analysis);
-  if (!panels) return tl::unexpected(panels.error());
+  const auto plot = drawn(service, *row, document->analysis);
+  if (!plot) return tl::unexpected(plot.error());
   Response response;
   response.content_type = "image/svg+xml";
-  response.body = report::time_plot(row->name, *panels);
+  response.body = report::time_plot(row->name, plot->panels, plot->stretches);
   response.set_header("Content-Security-Policy", kReportPolicy);
   return response;
 }

@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "core/mechanisms/simulate_extended.h"
+#include "core/recording/quality.h"
 #include "server/http/handlers.h"
 #include "server/http/limits.h"
 #include "server/http/receive.h"
@@ -153,6 +154,20 @@ Result<Response> bode_response(Service& service, Request& request, const Recordi
   return json_response(*entry);
 }
 
+std::string_view to_text(SegmentKind kind) {
+  switch (kind) {
+    case SegmentKind::kStep:
+      return "step";
+    case SegmentKind::kRamp:
+      return "ramp";
+    case SegmentKind::kSweep:
+      return "sweep";
+    case SegmentKind::kHold:
+      break;
+  }
+  return "hold";
+}
+
 /// Input and, where given, output of POST /v1/simulations, on a uniform grid.
 Result<Recording> simulation_input(JsonFields fields) {
   Recording recording;
@@ -222,6 +237,37 @@ Result<Response> get_series(Service& service, Request& request) {
                             {"samples", values->size()},
                             {"time_s", shown.time_s},
                             {"values", shown.value}});
+}
+
+Result<Response> get_marks(Service& service, Request& request) {
+  const auto row = recording_asked_for(service, request);
+  if (!row) return tl::unexpected(row.error());
+  const auto place = ComputationPlace::take(service);
+  if (!place) return tl::unexpected(place.error());
+  const auto recording = read_stored_recording(service, *row);
+  if (!recording) return tl::unexpected(recording.error());
+  const auto time = [&](std::size_t i) {
+    return recording->start_s + static_cast<double>(i) * recording->sample_period_s;
+  };
+  Json segments = Json::array(), quality = Json::array();
+  for (const Segment& segment : recording->segments) {
+    if (segments.size() == kMaxMarks) break;
+    segments.push_back(Json{{"kind", to_text(segment.kind)},
+                            {"name", report::segment_name(segment, recording->input.unit)},
+                            {"from_s", time(segment.begin)},
+                            {"to_s", time(segment.end)},
+                            {"level", segment.level},
+                            {"from_level", segment.from_level},
+                            {"rate_per_s", segment.rate_per_s}});
+  }
+  for (const QualityPlace& found : quality_places(*recording)) {
+    if (quality.size() == kMaxMarks) break;
+    quality.push_back(Json{{"code", found.code}, {"from_s", time(found.begin)}, {"to_s", time(found.end)}});
+  }
+  return json_response(Json{{"recording_id", row->id},
+                            {"unit", recording->input.unit},
+                            {"segments", std::move(segments)},
+                            {"quality", std::move(quality)}});
 }
 
 Result<Response> post_simulation(Service& service, Request& request) {

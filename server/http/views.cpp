@@ -42,7 +42,11 @@ void add_summary(Json& object, const AnalysisSummary& summary) {
 }
 
 Json links_of(const std::string& base, bool done) {
-  Json links{{"self", base}, {"raw", base + "/raw"}, {"analyses", base + "/analyses"}, {"series", base + "/series"}};
+  Json links{{"self", base},
+             {"raw", base + "/raw"},
+             {"analyses", base + "/analyses"},
+             {"series", base + "/series"},
+             {"marks", base + "/marks"}};
   if (done) links["analysis"] = base + "/analysis";
   return links;
 }

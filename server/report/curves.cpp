@@ -1,9 +1,13 @@
 #include "server/report/curves.h"
 
+#include <fmt/format.h>
+
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
 #include "core/mechanisms/simulate_extended.h"
+#include "core/recording/quality.h"
 #include "server/report/downsample.h"
 
 namespace valvetriage::report {
@@ -64,6 +68,33 @@ std::vector<double> measured_output(const Recording& recording) {
     if (!recording.is_valid(i)) values[i] = std::nan("");
   }
   return values;
+}
+
+std::string segment_name(const Segment& segment, const std::string& unit) {
+  if (segment.kind == SegmentKind::kRamp) return "ramp";
+  if (segment.kind == SegmentKind::kSweep) return "sweep";
+  return fmt::format("{:.2f}{}{}", segment.level, unit.empty() ? "" : " ", unit);
+}
+
+std::vector<Stretch> recording_stretches(const Recording& recording, std::size_t most) {
+  const auto time = [&](std::size_t i) {
+    return recording.start_s + static_cast<double>(i) * recording.sample_period_s;
+  };
+  std::vector<Stretch> stretches;
+  for (const Segment& segment : recording.segments) {
+    if (stretches.size() == most) break;
+    stretches.push_back({.from = time(segment.begin),
+                         .to = time(segment.end),
+                         .name = segment_name(segment, recording.input.unit),
+                         .odd = false});
+  }
+  const std::vector<QualityPlace> places = quality_places(recording);
+  for (std::size_t i = 0; i < std::min(places.size(), most); ++i) {
+    const QualityPlace& place = places[i];
+    stretches.push_back(
+        {.from = time(place.begin), .to = time(place.end), .name = std::string(place.code), .odd = true});
+  }
+  return stretches;
 }
 
 Result<std::vector<Panel>> recording_panels(const Recording& recording, const Model& baseline, const Model* extended,

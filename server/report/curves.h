@@ -25,6 +25,12 @@ std::vector<double> grid_times(const Recording& recording);
 /// The measured output; samples inside gaps are NaN.
 std::vector<double> measured_output(const Recording& recording);
 
+/// What a segment does, in two words: "1.40 A", "ramp", "sweep".
+std::string segment_name(const Segment& segment, const std::string& unit);
+
+/// At most `most` of a recording's segments and at most as many places of its quality items, the first ones.
+std::vector<Stretch> recording_stretches(const Recording& recording, std::size_t most);
+
 /// Output with both simulations, residuals and input, each reduced to `points` points so that every peak stays.
 ///
 /// extended  null: there is no extended model to show

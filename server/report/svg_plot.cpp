@@ -17,6 +17,7 @@ constexpr double kLeft = 56, kRight = 12;  // room for the numbers of the vertic
 constexpr double kTop = 24, kBottom = 24;  // title and legend; numbers of the horizontal axis
 constexpr double kAxisTitle = 16;
 constexpr int kTicksAcross = 9;
+constexpr double kLetter = 6;         // width of a letter, about
 constexpr double kTickDistance = 36;  // between numbers of the vertical axis
 
 struct Range {
@@ -125,6 +126,26 @@ std::string draw_panel(const Panel& panel, const Scale& x, double top) {
   return out;
 }
 
+/// A line where the stretch begins; its name beside it where there is room for it before the next.
+std::string beginning(const Stretch& stretch, const Scale& x, double top, double bottom, bool named) {
+  std::string out;
+  if (stretch.from > x.values.low) {
+    out += line(x(stretch.from), top, x(stretch.from), bottom, "stroke=\"#c4cad1\" stroke-dasharray=\"2 3\"");
+  }
+  const double needed = kLetter * static_cast<double>(stretch.name.size()) + 6;
+  if (named && x(stretch.to) - x(stretch.from) >= needed) out += text(x(stretch.from) + 3, top + 9, stretch.name);
+  return out;
+}
+
+/// A tinted stretch, at least as wide as a line, with its name for whoever points at it.
+std::string shade(const Stretch& stretch, const Scale& x, double top, double bottom) {
+  const double width = std::max(1.5, x(stretch.to) - x(stretch.from));
+  return fmt::format(
+      "<rect x=\"{:.1f}\" y=\"{:.1f}\" width=\"{:.1f}\" height=\"{:.1f}\" fill=\"#b35c00\" "
+      "fill-opacity=\"0.18\"><title>{}</title></rect>\n",
+      x(stretch.from), top, width, bottom - top, escaped(stretch.name));
+}
+
 std::string mark(const ChartPoint& point, double x, double y) {
   std::string out;
   if (point.outside)
@@ -161,7 +182,7 @@ std::vector<double> round_ticks(double low, double high, int wanted) {
   return ticks;
 }
 
-std::string time_plot(const std::string& title, std::span<const Panel> panels) {
+std::string time_plot(const std::string& title, std::span<const Panel> panels, std::span<const Stretch> stretches) {
   Range times;
   double height = kAxisTitle;
   for (const Panel& panel : panels) {
@@ -174,6 +195,10 @@ std::string time_plot(const std::string& title, std::span<const Panel> panels) {
   std::string out = open_svg(title, height);
   double top = 0;
   for (const Panel& panel : panels) {
+    for (const Stretch& stretch : stretches) {
+      out += stretch.odd ? shade(stretch, x, top + kTop, top + panel.height - kBottom)
+                         : beginning(stretch, x, top + kTop, top + panel.height - kBottom, top == 0);
+    }
     out += draw_panel(panel, x, top);
     top += panel.height;
   }

@@ -23,11 +23,20 @@ struct Panel {
   std::vector<Curve> curves;
 };
 
+/// A stretch of time that is pointed out. What the input does is a line at its beginning with a name in the first
+/// panel; what is odd about the samples is shaded in every panel.
+struct Stretch {
+  double from = 0, to = 0;  ///< [s]
+  std::string name;         ///< written where there is room
+  bool odd = false;
+};
+
 /// Curves over time as one SVG document, the panels below each other. The same input gives the same bytes.
 ///
-/// title   for readers who do not see the drawing
-/// Cost    O(points)
-std::string time_plot(const std::string& title, std::span<const Panel> panels);
+/// title      for readers who do not see the drawing
+/// stretches  in the order of their beginnings
+/// Cost       O(points)
+std::string time_plot(const std::string& title, std::span<const Panel> panels, std::span<const Stretch> stretches = {});
 
 struct Bar {
   std::string name;

@@ -154,9 +154,11 @@ std::string recordings_part(const ValveReport& report) {
   std::string body;
   for (const RecordingPlot& plot : report.plots) {
     body += fmt::format("<h3>{}</h3>\n", escaped(plot.name));
-    body += plot.panels.empty()
-                ? paragraph(plot.reason)
-                : figure_of(time_plot(plot.name + ": output, residual and input over time", plot.panels), plot.name);
+    body +=
+        plot.panels.empty()
+            ? paragraph(plot.reason)
+            : figure_of(time_plot(plot.name + ": output, residual and input over time", plot.panels, plot.stretches),
+                        plot.name);
     body += quality_list(report.analysis.analysis, plot.name);
   }
   return body;

@@ -17,6 +17,7 @@ struct ReportSubject {
 struct RecordingPlot {
   std::string name;
   std::vector<Panel> panels;
+  std::vector<Stretch> stretches;
   std::string reason;
 };
 

@@ -14,6 +14,7 @@ const CHARTS = [
 ];
 const POINTS = 1600;
 const SETTLE_MS = 180;
+const LISTED = 12; // places of quality items that are written out; all are drawn
 const GAP = 8; // times the usual distance of two points: nothing was measured between
 
 /// Joins series with times of their own: rows [time, value or null, ...]; NaN breaks a line, null does not.
@@ -32,6 +33,67 @@ function joined(series) {
 
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 
+const WORDS = { gap: "gap", outliers: "outlier left out", clipped: "clipped", stuck: "stuck" };
+
+/// Draws under the curves what stands at which time: a line where a segment begins, its name where there is room, a tinted
+/// and hatched stretch where a quality item is.
+function underlay(context, area, graph, marks, named) {
+  const { x: left, y: top, w: width, h: height } = area;
+  const place = (time) => Math.min(left + width, Math.max(left, graph.toDomXCoord(time)));
+  context.save();
+  context.beginPath();
+  context.rect(left, top, width, height);
+  context.clip();
+  context.lineWidth = 1;
+  for (const { from_s: from, to_s: to } of marks.quality) {
+    const [a, b] = [place(from), place(to)];
+    if (b <= left || a >= left + width) continue;
+    const wide = Math.max(2, b - a);
+    context.globalAlpha = 0.16;
+    context.fillStyle = colour("malfunctioned");
+    context.fillRect(a, top, wide, height);
+    context.globalAlpha = 0.7;
+    context.strokeStyle = colour("malfunctioned");
+    context.beginPath();
+    for (let y = top - wide; wide > 6 && y < top + height; y += 9) {
+      context.moveTo(a, y + wide);
+      context.lineTo(a + wide, y);
+    }
+    context.rect(a, top, wide, 3);
+    context.stroke();
+  }
+  context.globalAlpha = 1;
+  context.font = "12px system-ui, sans-serif";
+  context.strokeStyle = colour("line");
+  context.fillStyle = colour("soft");
+  context.setLineDash([2, 3]);
+  for (const { name, from_s: from, to_s: to } of marks.segments) {
+    const [a, b] = [place(from), place(to)];
+    if (b <= a) continue;
+    if (a > left) {
+      context.beginPath();
+      context.moveTo(Math.round(a) + 0.5, top);
+      context.lineTo(Math.round(a) + 0.5, top + height);
+      context.stroke();
+    }
+    if (named && context.measureText(name).width + 8 < b - a) context.fillText(name, a + 4, top + 12);
+  }
+  context.restore();
+}
+
+/// The same marks as a list that can be read and whose places can be gone to.
+function markList(marks, show) {
+  const go = (mark, text) => el("button", { type: "button", class: "link", onclick: () => show(mark) }, text);
+  const span = ({ from_s: from, to_s: to }) => `${Number(from.toPrecision(6))} to ${Number(to.toPrecision(6))} s`;
+  return [
+    marks.quality.length ? el("p", { class: "marks" }, el("strong", {}, "Marked in the plots: "),
+      marks.quality.slice(0, LISTED).map((mark) => [go(mark, `${WORDS[mark.code]}, ${span(mark)}`), " "]),
+      marks.quality.length > LISTED ? `and ${marks.quality.length - LISTED} more` : null) : null,
+    el("details", {}, el("summary", {}, "What the input does"), el("ol", {}, marks.segments.slice(0, LISTED * 5).map((mark) =>
+      el("li", {}, go(mark, `${mark.kind === mark.name ? mark.name : `${mark.kind} ${mark.name}`}, ${span(mark)}`))))),
+  ];
+}
+
 /// Draws into the page until the view is left. `recording` is a row of the service, `extended` whether there is an
 /// extended simulation to show, `range` {from, to} in seconds or null for all.
 export function recordingPlots(recording, { extended, range, signal }) {
@@ -46,6 +108,8 @@ export function recordingPlots(recording, { extended, range, signal }) {
   let whole = null;
   let settle = 0;
   let syncing = false;
+  let marks = { segments: [], quality: [] };
+  const listed = el("div");
 
   async function load(from, to) {
     const base = recording.links.series;
@@ -76,6 +140,7 @@ export function recordingPlots(recording, { extended, range, signal }) {
       gridLineColor: colour("grid"),
       axisLabelFontSize: 12,
       rightGap: 12,
+      underlayCallback: (context, area, graph) => underlay(context, area, graph, marks, place.title === "Output"),
       axes: { y: { axisLabelWidth: 56, pixelsPerLabel: 22 }, x: { drawAxis: true } },
       highlightCircleSize: 3,
       highlightCallback: (event, x, points) => {
@@ -125,6 +190,12 @@ export function recordingPlots(recording, { extended, range, signal }) {
     follow([Math.max(whole[0], middle - half), Math.min(whole[1], middle + half)]);
   }
 
+  /// Shows a mark with half its length, at least a moment, on both sides.
+  function goTo({ from_s: from, to_s: to }) {
+    const around = Math.max((to - from) / 2, (whole[1] - whole[0]) / 200);
+    follow([Math.max(whole[0], from - around), Math.min(whole[1], to + around)]);
+  }
+
   function draw(loaded) {
     const keep = graphs.length ? graphs[0].xAxisRange() : null;
     for (const graph of graphs) graph.destroy();
@@ -133,10 +204,12 @@ export function recordingPlots(recording, { extended, range, signal }) {
   }
 
   async function start() {
-    const loaded = await load(null, null);
+    const [loaded, found] = await Promise.all([load(null, null), get(recording.links.marks, signal)]);
+    marks = found;
     const times = loaded.get("measured").time_s;
     whole = [times[0] ?? 0, times[times.length - 1] ?? 1];
     draw(loaded);
+    listed.replaceChildren(...markList(marks, goTo).filter(Boolean));
     status.textContent = "";
     if (range) follow([Math.max(whole[0], range.from), Math.min(whole[1], range.to)]);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => draw(loaded), { signal });
@@ -155,6 +228,6 @@ export function recordingPlots(recording, { extended, range, signal }) {
       el("span", { class: "hint" }, "drag to zoom, shift-drag to pan, double-click for all"), status),
     places.map((place) => [place.legend,
       el("div", { role: "img", "aria-label": `${place.title} of ${recording.name} over time` }, place.box)]),
-    el("p", { class: "axis-title" }, "time [s]"));
+    el("p", { class: "axis-title" }, "time [s]"), listed);
   return { node, shown: () => start().catch(report) };
 }

@@ -18,14 +18,15 @@ from chromium import Chromium  # noqa: E402
 HOSTILE = '<img src=x onerror="window.hacked=1">'
 
 
-def recording(serial, lot, bad_line=None):
-    """Steps at 200 Hz with a first-order response."""
+def recording(serial, lot, bad_line=None, stuck=False):
+    """Steps at 200 Hz with a first-order response; stuck: the gauge stands still from 1.5 to 1.6 s."""
     lines = [f"# serial: {serial}", f"# lot: {lot}", "# test: step", "time_s,current_A,pressure_psi"]
     pressure = 26.0
     for i in range(400):
         current = 1.2 if i < 100 else 1.6 if i < 250 else 1.4
         pressure += 0.08 * (26 + 150 * (current - 1.2) - pressure)
-        lines.append(f"{0.005 * i:.4f},{current:.4f},{pressure + 0.05 * math.sin(i * i):.3f}")
+        shown = shown if stuck and 300 < i < 320 else pressure + 0.05 * math.sin(i * i)
+        lines.append(f"{0.005 * i:.4f},{current:.4f},{shown:.3f}")
     if bad_line is not None:
         lines[bad_line - 1] = "0.1,1.2,n/a"
     return "\n".join(lines) + "\n"
@@ -56,7 +57,7 @@ class Page(unittest.TestCase):
         cls.browser = Chromium(CHROMIUM)
         cls.browser.__enter__()
         cls.files = [cls.folder / name for name in ("good.csv", "bad.csv", f"{HOSTILE.replace('/', '')}.csv")]
-        cls.files[0].write_text(recording("EFC-104233", "2026-W31-B"))
+        cls.files[0].write_text(recording("EFC-104233", "2026-W31-B", stuck=True))
         cls.files[1].write_text(recording("EFC-104234", "2026-W31-B", bad_line=9))
         cls.files[2].write_text(recording(HOSTILE, HOSTILE))
         cls.upload()
@@ -143,6 +144,14 @@ class Page(unittest.TestCase):
         address = self.browser.run("location.hash")
         self.open_valve("EFC-104233", address[address.index("?"):])
         self.assertEqual(self.browser.run("location.hash"), address)
+
+    def test_segments_and_quality_items_are_marked_where_they_are(self):
+        self.open_valve("EFC-104233")
+        self.browser.wait_for_text("Marked in the plots:")
+        self.assertIn("stuck, 1.5 to 1.6 s", self.browser.text())
+        self.assertIn("step 1.60 A, 0.5 to 1.25 s", self.browser.run("document.querySelector('.plots').textContent"))
+        self.browser.run("document.querySelector('.marks button').click()")
+        self.browser.wait("location.hash.includes('from=1.45')")
 
     def test_a_finding_is_stored(self):
         self.open_valve("EFC-104233")

@@ -108,5 +108,50 @@ TEST(Quality, TellsAControllerFromAPlant) {
   }
 }
 
+TEST(QualityPlaces, AreWhereASensorFroze) {
+  RawRecording raw = recorded(steps_of({1.0, 1.4, 1.0, 1.8, 1.0}, 400), 4);
+  std::fill_n(raw.output.values.begin() + 500, 60, raw.output.values[500]);
+  const std::vector<QualityPlace> places = quality_places(prepared(raw));
+  ASSERT_EQ(places.size(), 1u);
+  EXPECT_EQ(places[0].code, "stuck");
+  EXPECT_EQ(places[0].begin, 500u);
+  EXPECT_EQ(places[0].end, 560u);
+}
+
+TEST(QualityPlaces, TellAGapFromAnOutlierThatWasLeftOut) {
+  RawRecording raw = recorded(steps_of({1.0, 1.4, 1.0, 1.8, 1.0}, 400), 4);
+  raw.output.values[700] += 300;
+  for (std::vector<double>* column : {&raw.time.values, &raw.input.values, &raw.output.values}) {
+    column->erase(column->begin() + 300, column->begin() + 340);
+  }
+  const std::vector<QualityPlace> places = quality_places(prepared(raw));
+  ASSERT_EQ(places.size(), 2u);
+  EXPECT_EQ(places[0].code, "gap");
+  EXPECT_EQ(places[0].begin, 300u);
+  EXPECT_EQ(places[0].end, 340u);
+  EXPECT_EQ(places[1].code, "outliers");
+  EXPECT_EQ(places[1].begin, 700u);
+  EXPECT_EQ(places[1].end, 701u);
+}
+
+TEST(QualityPlaces, AreEveryVisitToALevelThatIsHeld) {
+  RawRecording raw = recorded(triangle_of(4000, 2000), 3);
+  for (double& value : raw.output.values) value = std::min(value, 150.0);
+  const Recording recording = prepared(raw);
+  const std::vector<QualityPlace> places = quality_places(recording);
+  ASSERT_EQ(places.size(), 2u);
+  std::size_t samples = 0;
+  for (const QualityPlace& place : places) {
+    EXPECT_EQ(place.code, "clipped");
+    samples += place.end - place.begin;
+    for (std::size_t i = place.begin; i < place.end; ++i) EXPECT_EQ(recording.output.values[i], 150.0);
+  }
+  EXPECT_EQ(samples, find_quality(recording, "clipped")->count);
+}
+
+TEST(QualityPlaces, OfARecordingWithoutItemsAreNone) {
+  EXPECT_TRUE(quality_places(prepared(recorded(steps_of({1.0, 1.4, 1.0}, 400), 1))).empty());
+}
+
 }  // namespace
 }  // namespace valvetriage

@@ -32,8 +32,11 @@ ValveReport sticking_valve() {
                      .plots = {}};
   Curve measured{.name = "measured", .ink = Ink::kMeasured, .x = {0, 1, 2}, .y = {1, 5, 4}};
   report.plots = {
-      {.name = "steps.csv", .panels = {{.title = "Output [psi]", .height = 120, .curves = {measured}}}, .reason = {}},
-      {.name = "sweep.mat", .panels = {}, .reason = "This recording cannot be drawn: MAT"}};
+      {.name = "steps.csv",
+       .panels = {{.title = "Output [psi]", .height = 120, .curves = {measured}}},
+       .stretches = {},
+       .reason = {}},
+      {.name = "sweep.mat", .panels = {}, .stretches = {}, .reason = "This recording cannot be drawn: MAT"}};
   return report;
 }
 

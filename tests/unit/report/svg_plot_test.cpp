@@ -34,6 +34,19 @@ TEST(TimePlot, IsTheGoldenFile) {
   expect_golden("time_plot.svg", time_plot("steps.csv <b>", step_panels()));
 }
 
+TEST(TimePlot, WithStretchesIsTheGoldenFile) {
+  const std::vector<Stretch> stretches{{.from = 0, .to = 0.5, .name = "1.00 A"},
+                                       {.from = 0.5, .to = 1.9, .name = "1.60 A"},
+                                       {.from = 1.2, .to = 1.3, .name = "gap <b>", .odd = true}};
+  expect_golden("time_plot_stretches.svg", time_plot("steps.csv", step_panels(), stretches));
+}
+
+TEST(TimePlot, NamesAStretchOnlyWhereThereIsRoom) {
+  const std::vector<Stretch> stretches{{.from = 0, .to = 0.01, .name = "1.00 A"}};
+  const std::string svg = time_plot("steps.csv", step_panels(), stretches);
+  EXPECT_EQ(svg.find("1.00 A"), std::string::npos);
+}
+
 TEST(TimePlot, OfNothingIsStillADrawing) {
   const std::string svg = time_plot("empty", std::vector<Panel>{{.title = "Output", .height = 100, .curves = {{}}}});
   EXPECT_TRUE(svg.starts_with("<svg ")) << svg;
