@@ -35,6 +35,7 @@ namespace valvetriage::http {
   X(list_lots) \
   X(get_lot) \
   X(get_lot_history) \
+  X(get_lot_parameters) \
   X(get_valve) \
   X(post_finding) \
   X(list_references) \

@@ -47,6 +47,8 @@ inline constexpr std::size_t kReportPoints = 1000;
 /// Segments, and places of quality items, that a plot marks: more lines than these would be a grey field.
 inline constexpr std::size_t kReportStretches = 200;
 inline constexpr std::size_t kMaxMarks = 2000;
+/// Newest named valves of a lot whose parameters are shown together: a second's reading.
+inline constexpr std::size_t kMaxNamedValves = 1000;
 /// Recordings a report draws: a session has six; a hundred would be a book.
 inline constexpr std::size_t kMaxReportPlots = 24;
 inline constexpr std::size_t kDefaultPageItems = 100;

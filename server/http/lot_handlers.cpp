@@ -8,6 +8,7 @@
 #include "server/http/lot_history.h"
 #include "server/http/receive.h"
 #include "server/http/report_response.h"
+#include "server/http/stored_history.h"
 #include "server/http/views.h"
 #include "server/report/lot_report.h"
 #include "server/wire/json_fields.h"
@@ -15,24 +16,10 @@
 namespace valvetriage::http {
 namespace {
 
-constexpr std::size_t kMaxHistorySubmissions = 20'000;  // twice the largest lot the plant ships
-constexpr std::size_t kMaxValveSubmissions = 1'000;     // one valve, tested daily for three years
+constexpr std::size_t kMaxValveSubmissions = 1'000;  // one valve, tested daily for three years
 constexpr std::size_t kMaxFindingBytes = 64 * 1024;
 constexpr std::size_t kMaxNoteBytes = 10'000;
 constexpr std::size_t kMaxSerialBytes = 200;
-
-/// Every submission that fits, newest first, up to `most`.
-Result<std::vector<SubmissionRow>> all_submissions(Store& store, const Filter& filter, std::size_t most) {
-  std::vector<SubmissionRow> rows;
-  PageRequest page{.limit = kMaxPageLimit, .cursor = std::nullopt};
-  do {
-    auto next = store.list_submissions(filter, page);
-    if (!next) return tl::unexpected(next.error());
-    std::move(next->items.begin(), next->items.end(), std::back_inserter(rows));
-    page.cursor = next->next;
-  } while (page.cursor && rows.size() < most);
-  return rows;
-}
 
 Json valve_point(const SubmissionRow& row) {
   Json errors = Json::array();
@@ -42,6 +29,7 @@ Json valve_point(const SubmissionRow& row) {
   const auto or_null = [](const std::optional<std::string>& text) { return text ? Json(*text) : Json(nullptr); };
   return Json{{"submission_id", row.id},
               {"serial", or_null(row.labels.serial)},
+              {"stand", or_null(row.labels.stand)},
               {"received_at", format_rfc3339(row.received_at)},
               {"verdict", or_null(row.summary.verdict)},
               {"conclusion", or_null(row.summary.conclusion)},
@@ -64,14 +52,6 @@ Json level_view(const LevelHistory& level, const std::vector<SubmissionRow>& val
     }
   }
   return object;
-}
-
-Result<LotHistory> history_of(Store& store, const std::string& lot) {
-  Filter filter;
-  filter.lot = lot;
-  const auto submissions = all_submissions(store, filter, kMaxHistorySubmissions);
-  if (!submissions) return tl::unexpected(submissions.error());
-  return lot_history(*submissions);
 }
 
 Result<report::LotReportValve> reported_valve(Store& store, const SubmissionRow& row) {
@@ -146,7 +126,7 @@ Result<Response> get_lot(Service& service, Request& request) {
 Result<Response> get_lot_history(Service& service, Request& request) {
   const auto lot = service.store.lot(request.captures[0]);
   if (!lot) return tl::unexpected(lot.error());
-  const auto history = history_of(service.store, lot->lot);
+  const auto history = stored_history(service.store, {.lot = lot->lot});
   if (!history) return tl::unexpected(history.error());
   Json valves = Json::array(), levels = Json::array();
   for (const SubmissionRow& valve : history->valves) valves.push_back(valve_point(valve));
@@ -162,7 +142,7 @@ Result<Response> get_lot_history(Service& service, Request& request) {
 Result<Response> get_lot_report(Service& service, Request& request) {
   const auto lot = service.store.lot(request.captures[0]);
   if (!lot) return tl::unexpected(lot.error());
-  const auto history = history_of(service.store, lot->lot);
+  const auto history = stored_history(service.store, {.lot = lot->lot});
   if (!history) return tl::unexpected(history.error());
   report::LotReport report{.lot = lot->lot,
                            .first_received_at = format_rfc3339(lot->first_received_at),

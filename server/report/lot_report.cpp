@@ -45,8 +45,14 @@ std::string what_is_wrong(const LotReportValve& valve) {
 /// Settled causes, most frequent first; what is not settled or not explained stands apart, for it is no cause.
 std::string causes_part(const LotReport& report) {
   std::map<std::string, int> settled, apart;
+  int named = 0;
+  double expected_false = 0;  // what is missing to certainty, summed
   for (const LotReportValve& valve : report.valves) {
-    if (valve.conclusion == "named") ++settled[spoken(valve.cause)];
+    if (valve.conclusion == "named") {
+      ++settled[spoken(valve.cause)];
+      ++named;
+      expected_false += std::isfinite(valve.probability) ? 1 - valve.probability : 1;
+    }
     if (valve.conclusion == "ambiguous") ++apart["Not settled"];
     if (valve.conclusion == "unexplained") ++apart["Unexplained"];
   }
@@ -59,7 +65,13 @@ std::string causes_part(const LotReport& report) {
     bars.push_back(
         {.name = name, .value = static_cast<double>(valves), .text = std::to_string(valves), .ink = Ink::kInput});
   }
-  return bars.empty() ? "<p>No valve of this lot has a cause.</p>\n" : drawn(bar_plot("Valves by settled cause", bars));
+  if (bars.empty()) return "<p>No valve of this lot has a cause.</p>\n";
+  std::string body = drawn(bar_plot("Valves by settled cause", bars));
+  if (named > 0) {
+    body += fmt::format("<p class=\"small\">Names: {}. Expected to be false, by the probabilities given: {}.</p>\n",
+                        named, expected_false < 0.1 ? "fewer than 0.1" : fmt::format("{:.2g}", expected_false));
+  }
+  return body;
 }
 
 std::string errors_part(const LotReport& report) {

@@ -69,6 +69,38 @@ export function individualsChart({ points, lines, outside, height = 300, label, 
   return node;
 }
 
+const PLAIN = { left: 64, right: 18, top: 8, bottom: 40 };
+
+/// Values of one parameter over valves, in rising order from the bottom, each with its interval; the band is what good
+/// valves show.
+///
+/// values  {value, low, high, href, title} with low and high null where not known; band  [low, high] or null
+export function distributionChart({ values, band, label, xTitle }) {
+  const sorted = [...values].sort((a, b) => a.value - b.value);
+  const step = Math.max(2, Math.min(16, 360 / sorted.length));
+  const height = Math.max(90, PLAIN.top + PLAIN.bottom + step * (sorted.length + 1));
+  const all = sorted.flatMap((v) => [v.value, v.low, v.high]).concat(band ?? []).filter((v) => typeof v === "number");
+  const [low, high] = [Math.min(...all), Math.max(...all)];
+  const room = 0.04 * (high - low || Math.abs(high) || 1);
+  const x = (value) => PLAIN.left + ((value - low + room) / (high - low + 2 * room)) * (WIDTH - PLAIN.left - PLAIN.right);
+  const bottom = height - PLAIN.bottom;
+  const node = svg("svg", { viewBox: `0 0 ${WIDTH} ${height}`, class: "lot-chart", role: "img", "aria-label": label });
+  if (band) node.append(svg("rect", { class: "band", x: x(band[0]), width: Math.max(1, x(band[1]) - x(band[0])), y: PLAIN.top, height: bottom - PLAIN.top }));
+  for (const tick of ticks(low - room, high + room, 8)) {
+    node.append(svg("line", { class: "grid", x1: x(tick), x2: x(tick), y1: PLAIN.top, y2: bottom }),
+      svg("text", { class: "tick", x: x(tick), y: bottom + 16, "text-anchor": "middle" }, String(tick)));
+  }
+  node.append(svg("text", { class: "tick", x: (PLAIN.left + WIDTH) / 2, y: height - 6, "text-anchor": "middle" }, xTitle));
+  sorted.forEach((value, i) => {
+    const y = bottom - step * (i + 1);
+    const whisker = typeof value.low === "number" && typeof value.high === "number"
+      ? svg("line", { class: "whisker", x1: x(value.low), x2: x(value.high), y1: y, y2: y }) : null;
+    node.append(svg("a", { href: value.href, tabindex: "-1" }, whisker,
+      svg("circle", { class: "dot", cx: x(value.value), cy: y, r: Math.max(1.5, Math.min(4.5, step / 2.5)) }), svg("title", {}, value.title)));
+  });
+  return node;
+}
+
 const GROUPS_AT_MOST = 40;
 const VERDICTS = ["Good", "Malfunctioned", "Severe", null];
 

@@ -4,6 +4,7 @@ import { individualsChart, verdictColumns } from "./chart.js";
 import { address, el, field, keepInAddress, options, section } from "./dom.js";
 import { causeCell, figure, spoken, time, verdictMark } from "./format.js";
 import { barRow } from "./gain_bar.js";
+import { parametersPart } from "./lot_parameters.js";
 import { reportLink } from "./report_link.js";
 import { table } from "./table.js";
 
@@ -41,6 +42,19 @@ export async function showLots({ parameters, signal }) {
 
 /// Bars of the settled causes, most frequent first, with the share that all down to here make together; what is not
 /// settled or not explained stands apart, for it is no cause.
+/// How many of the named causes are expected to be another one: the sum of what is missing to certainty.
+export function expectedFalse(valves) {
+  return valves.filter((v) => v.conclusion === "named").reduce((sum, v) => sum + 1 - (v.top_cause_probability ?? 0), 0);
+}
+
+function falseNames(valves) {
+  const named = valves.filter((v) => v.conclusion === "named").length;
+  if (named === 0) return null;
+  const expected = expectedFalse(valves);
+  const text = expected < 0.1 ? "fewer than 0.1" : figure(expected, 2);
+  return el("p", { class: "small" }, `Of ${named} ${named === 1 ? "name" : "names"}, ${text} ${expected < 0.1 || expected > 1 ? "are" : "is"} expected to be false, by the probabilities they were given.`);
+}
+
 function pareto(lot, valves) {
   const tally = new Map();
   for (const valve of valves.filter((v) => v.conclusion === "named")) tally.set(valve.top_cause, (tally.get(valve.top_cause) ?? 0) + 1);
@@ -51,12 +65,13 @@ function pareto(lot, valves) {
   const all = sorted.reduce((sum, [, count]) => sum + count, 0);
   const largest = Math.max(...sorted.map(([, count]) => count), ...apart.map(([, count]) => count));
   let sum = 0;
-  return el("table", { class: "bars" }, el("caption", {}, "Valves by settled cause, with the cumulated share"), el("tbody", {},
+  const bars = el("table", { class: "bars" }, el("caption", {}, "Valves by settled cause, with the cumulated share"), el("tbody", {},
     sorted.map(([cause, count]) => {
       sum += count;
       return barRow(el("a", { href: address("valves", null, { lot, cause }) }, spoken(cause)), "tally", count / largest, `${count} (${Math.round(100 * sum / all)} %)`);
     }),
     apart.map(([title, count]) => barRow(title, "floor", count / largest, String(count)))));
+  return el("div", {}, bars, falseNames(valves));
 }
 
 const RUN = 8; // consecutive values on one side of the centre: Western Electric's fourth rule
@@ -143,6 +158,7 @@ function valveTable(history) {
 export async function showLot({ argument, parameters, signal }) {
   const path = `/v1/lots/${encodeURIComponent(argument)}`;
   const [lot, history] = await Promise.all([get(path, signal), get(`${path}/history`, signal)]);
+  const sizes = parametersPart(path, parameters, signal);
   const node = el("div", {},
     el("h1", {}, "Lot ", argument),
     el("p", {}, `${lot.valves} valves in ${lot.submissions} sessions, ${lot.analysed_valves} analysed; received `, time(lot.first_received_at), " to ", time(lot.last_received_at), ". ",
@@ -150,6 +166,7 @@ export async function showLot({ argument, parameters, signal }) {
     el("div", { class: "columns" }, section("Verdicts", verdictBars(argument, history.verdicts)), section("Causes", pareto(argument, history.valves))),
     history.valves.length ? section("Verdicts over time", verdictColumns(history.valves)) : null,
     section("Error over time", controlPart(history, parameters)),
+    section("Sizes of the causes", sizes.node),
     section("Valves", valveTable(history)));
-  return { node, title: `Lot ${argument}` };
+  return { node, title: `Lot ${argument}`, shown: sizes.shown };
 }

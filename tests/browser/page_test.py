@@ -183,6 +183,14 @@ class Page(unittest.TestCase):
         self.assertIn("2 valves in 2 sessions, 1 analysed", self.browser.text())
         self.picture("lot")
 
+    def test_a_lot_shows_how_large_its_causes_are_and_how_many_names_may_be_false(self):
+        self.open("/lot/2026-W31-B", "Sizes of the causes")
+        self.browser.wait_for_text("breakaway_A")
+        text = self.browser.text()
+        self.assertIn("Of 1 name, fewer than 0.1 are expected to be false", text)
+        self.assertIn("1 valve: 20.0 mA; lines are 95 % intervals, the band is good valves (4.00 ± 2.0 mA).", text)
+        self.assertEqual(self.browser.run("import('/web/lot_parameters.js').then((m) => m.quantile([1, 2, 4], 0.75))"), 3)
+
     def test_a_lot_names_the_rules_that_fired(self):
         self.open("/lot/2026-W31-B", "Error over time")
         self.assertEqual(self.browser.run("import('/web/lot_view.js').then((m) => m.runs([1, 5, 5, 5, 5, 5, 5, 5, 5, 1, 5], 3))"), [[1, 8]])

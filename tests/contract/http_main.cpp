@@ -12,6 +12,7 @@
 #include "core/recording/columns.h"
 #include "server/http/serve.h"
 #include "server/jobs/child_protocol.h"
+#include "server/wire/analysis_json.h"
 #include "server/wire/json.h"
 #include "server/wire/read_recording.h"
 #include "server/wire/sha256.h"
@@ -24,11 +25,27 @@ std::string example_analysis() {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
+/// The schema's example, or what the recording's complaint asks for: "unexplained", "named sensor_offset".
+Json analysis_asked_for(const std::optional<std::string>& complaint) {
+  Json document = *parse_json(example_analysis());
+  if (!complaint) return document;
+  Json& found = document["discrepancy"];
+  found["conclusion"] = complaint->substr(0, complaint->find(' '));
+  if (found["conclusion"] == "named") {
+    found["causes"][0]["cause"] = complaint->substr(complaint->find(' ') + 1);
+  } else {
+    found["causes"] = Json::array();
+  }
+  document["result_sha256"] = result_sha256(document);
+  return document;
+}
+
 /// Reads every recording as the real analyser does, so that bad input is found; the result is the schema's example.
 Result<NewAnalysis> read_only_analysis(const JobSpec& spec, const ReportProgress& progress) {
   const auto options = parse_json(spec.options_json);
   if (!options) return tl::unexpected(options.error());
   std::string hashes;
+  std::optional<std::string> complaint;
   for (const JobFile& file : spec.files) {
     ReadOptions read;
     read.name = file.name;
@@ -40,6 +57,7 @@ Result<NewAnalysis> read_only_analysis(const JobSpec& spec, const ReportProgress
     const auto recording = read_recording_file(file.path, read);
     if (!recording) return tl::unexpected(recording.error());
     hashes += recording->sha256;
+    complaint = recording->recording.metadata.complaint;
     progress(0.5, "read");
   }
   NewAnalysis analysis{.engine_version = VALVETRIAGE_VERSION,
@@ -50,7 +68,14 @@ Result<NewAnalysis> read_only_analysis(const JobSpec& spec, const ReportProgress
   analysis.summary.verdict = "Good";
   analysis.summary.action = "accept";
   analysis.summary.errors = {{.level_a = 1.4, .error_eq20 = 2.5}};
-  analysis.body_json = example_analysis();
+  const Json document = analysis_asked_for(complaint);
+  analysis.body_json = document.dump();
+  const Json& found = document["discrepancy"];
+  analysis.summary.conclusion = found["conclusion"].get<std::string>();
+  if (!found["causes"].empty()) {
+    analysis.summary.top_cause = found["causes"][0]["cause"].get<std::string>();
+    analysis.summary.top_cause_probability = found["causes"][0]["probability"].get<double>();
+  }
   return analysis;
 }
 

@@ -1,0 +1,58 @@
+// How large the named causes are over the valves of a lot: one chart for each parameter of a chosen cause.
+import { get } from "./api.js";
+import { distributionChart } from "./chart.js";
+import { address, el, field, keepInAddress, options } from "./dom.js";
+import { figure, quantity, scaled, spoken } from "./format.js";
+
+/// The value below which `share` of the sorted values lie, between two of them by their distance.
+export function quantile(sorted, share) {
+  const at = share * (sorted.length - 1);
+  const [below, above] = [sorted[Math.floor(at)], sorted[Math.ceil(at)]];
+  return below + (at - Math.floor(at)) * (above - below);
+}
+
+function parameterChart(cause, parameter) {
+  const sorted = parameter.values.map((v) => v.value).sort((a, b) => a - b);
+  const [factor, unit] = scaled(sorted[Math.floor(sorted.length / 2)], parameter.unit);
+  const times = (value) => (typeof value === "number" ? value * factor : null);
+  const { population_mean: mean, population_sd: sd } = parameter;
+  const band = typeof mean === "number" && typeof sd === "number" ? [times(mean - 2 * sd), times(mean + 2 * sd)] : null;
+  const said = (share) => quantity(quantile(sorted, share), parameter.unit);
+  const middle = sorted.length > 1 ? `median ${said(0.5)}, the middle half from ${said(0.25)} to ${said(0.75)}` : said(0.5);
+  const values = parameter.values.map((v) => ({
+    value: times(v.value), low: times(v.ci95[0]), high: times(v.ci95[1]), href: address("valve", v.submission_id),
+    title: `${v.serial ?? "without serial"}: ${quantity(v.value, parameter.unit)}` }));
+  return el("div", {},
+    el("h3", {}, el("code", {}, parameter.name)),
+    el("p", { class: "small" }, `${sorted.length} ${sorted.length === 1 ? "valve" : "valves"}: ${middle}; lines are 95 % intervals`,
+      band ? `, the band is good valves (${figure(times(mean))} ± ${figure(times(2 * sd), 2)}${unit ? ` ${unit}` : ""})` : null, "."),
+    distributionChart({ values, band, label: `${parameter.name} of ${spoken(cause).toLowerCase()} over ${sorted.length} valves: ${middle}`,
+      xTitle: `${parameter.name.replace(/_[A-Za-z]+(_per_s)?$/, "").replaceAll("_", " ")}${unit ? ` [${unit}]` : ""}` }));
+}
+
+/// Loads into its place after the view is shown; the chosen cause stands in the address.
+export function parametersPart(path, parameters, signal) {
+  const place = el("div", { class: "later" }, el("p", { class: "empty" }, "Reading the named causes …"));
+  async function load() {
+    const { items, named, read } = await get(`${path}/parameters`, signal);
+    if (items.length === 0) {
+      place.replaceChildren(el("p", { class: "empty" }, "No cause of this lot is settled, so there are no sizes to compare."));
+      return;
+    }
+    const charts = el("div");
+    const entryOf = (cause) => items.find((item) => item.cause === cause) ?? items[0];
+    const show = (entry) => charts.replaceChildren(...entry.parameters.map((parameter) => parameterChart(entry.cause, parameter)),
+      entry.parameters.length ? "" : el("p", { class: "empty" }, "This cause has no parameter."));
+    const chosen = entryOf(parameters.get("cause"));
+    const choice = options(el("select", { onchange: () => {
+      keepInAddress({ cause: choice.value });
+      show(entryOf(choice.value));
+    } }), items.map((item) => [item.cause, `${spoken(item.cause)} (${item.valves})`]), chosen.cause);
+    show(chosen);
+    place.replaceChildren(el("div", { class: "filters" }, field("Cause", choice)), charts,
+      read < named ? el("p", { class: "small" }, `Of the newest ${read} of ${named} valves with a settled cause.`) : "");
+  }
+  return { node: place, shown: () => load().catch((error) => {
+    if (!signal.aborted) place.replaceChildren(el("p", { class: "mistake" }, error.message));
+  }) };
+}
