@@ -36,19 +36,24 @@ Json valve_point(const SubmissionRow& row) {
               {"top_cause", or_null(row.summary.top_cause)},
               {"top_cause_probability",
                row.summary.top_cause_probability ? Json(*row.summary.top_cause_probability) : Json(nullptr)},
-              {"errors", std::move(errors)}};
+              {"errors", std::move(errors)},
+              {"features", row.summary.features}};
 }
 
-Json level_view(const LevelHistory& level, const std::vector<SubmissionRow>& valves) {
-  Json object{{"level_A", level.level_a}, {"valves", level.errors.size()}, {"centre", nullptr},
-              {"upper_limit", nullptr},   {"lower_limit", nullptr},        {"outside", Json::array()}};
-  if (!level.limits) return object;
-  object["centre"] = level.limits->centre;
-  object["upper_limit"] = level.limits->upper;
-  object["lower_limit"] = level.limits->lower;
-  for (std::size_t i = 0; i < level.errors.size(); ++i) {
-    if (level.errors[i] > level.limits->upper || level.errors[i] < level.limits->lower) {
-      object["outside"].push_back(valves[level.valves[i]].id);
+/// What a control chart of one figure needs.
+Json figure_view(const FigureHistory& figure, const std::vector<SubmissionRow>& valves) {
+  Json object{{"valves", figure.values.size()},
+              {"centre", nullptr},
+              {"upper_limit", nullptr},
+              {"lower_limit", nullptr},
+              {"outside", Json::array()}};
+  if (!figure.limits) return object;
+  object["centre"] = figure.limits->centre;
+  object["upper_limit"] = figure.limits->upper;
+  object["lower_limit"] = figure.limits->lower;
+  for (std::size_t i = 0; i < figure.values.size(); ++i) {
+    if (figure.values[i] > figure.limits->upper || figure.values[i] < figure.limits->lower) {
+      object["outside"].push_back(valves[figure.valves[i]].id);
     }
   }
   return object;
@@ -71,11 +76,12 @@ Result<report::LotReportValve> reported_valve(Store& store, const SubmissionRow&
   return valve;
 }
 
-report::LotReportLevel reported_level(const LevelHistory& level, const std::vector<SubmissionRow>& valves) {
-  report::LotReportLevel shown{.level_a = level.level_a, .points = {}, .limits = std::nullopt};
+report::LotReportLevel reported_level(double level_a, const FigureHistory& level,
+                                      const std::vector<SubmissionRow>& valves) {
+  report::LotReportLevel shown{.level_a = level_a, .points = {}, .limits = std::nullopt};
   if (level.limits) shown.limits = {level.limits->centre, level.limits->lower, level.limits->upper};
-  for (std::size_t i = 0; i < level.errors.size(); ++i) {
-    const double error = level.errors[i];
+  for (std::size_t i = 0; i < level.values.size(); ++i) {
+    const double error = level.values[i];
     const bool outside = level.limits && (error > level.limits->upper || error < level.limits->lower);
     const std::string verdict = valves[level.valves[i]].summary.verdict.value_or("");
     shown.points.push_back({.value = error, .verdict = verdict, .outside = outside});
@@ -128,15 +134,23 @@ Result<Response> get_lot_history(Service& service, Request& request) {
   if (!lot) return tl::unexpected(lot.error());
   const auto history = stored_history(service.store, {.lot = lot->lot});
   if (!history) return tl::unexpected(history.error());
-  Json valves = Json::array(), levels = Json::array();
+  Json valves = Json::array(), levels = Json::array(), features = Json::array();
   for (const SubmissionRow& valve : history->valves) valves.push_back(valve_point(valve));
-  for (const LevelHistory& level : history->levels) levels.push_back(level_view(level, history->valves));
+  for (const auto& [level_a, level] : history->levels) {
+    levels.push_back(figure_view(level, history->valves));
+    levels.back()["level_A"] = level_a;
+  }
+  for (const auto& [name, feature] : history->features) {
+    features.push_back(figure_view(feature, history->valves));
+    features.back()["name"] = name;
+  }
   const Json counted = view(*lot);
   return json_response(Json{{"lot", lot->lot},
                             {"verdicts", counted["verdicts"]},
                             {"causes", counted["causes"]},
                             {"valves", std::move(valves)},
-                            {"levels", std::move(levels)}});
+                            {"levels", std::move(levels)},
+                            {"features", std::move(features)}});
 }
 
 Result<Response> get_lot_report(Service& service, Request& request) {
@@ -154,7 +168,9 @@ Result<Response> get_lot_report(Service& service, Request& request) {
     if (!valve) return tl::unexpected(valve.error());
     report.valves.push_back(std::move(*valve));
   }
-  for (const LevelHistory& level : history->levels) report.levels.push_back(reported_level(level, history->valves));
+  for (const auto& [level_a, level] : history->levels) {
+    report.levels.push_back(reported_level(level_a, level, history->valves));
+  }
   return report_response(report::lot_report_html(report));
 }
 

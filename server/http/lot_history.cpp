@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
+#include <limits>
 #include <set>
 
 namespace valvetriage::http {
@@ -24,7 +24,7 @@ std::vector<SubmissionRow> newest_by_valve(const std::vector<SubmissionRow>& sub
 
 }  // namespace
 
-std::optional<ControlLimits> control_limits(const std::vector<double>& values) {
+std::optional<ControlLimits> control_limits(const std::vector<double>& values, double least) {
   if (values.size() < 2) return std::nullopt;
   double sum = values.front(), ranges = 0;
   for (std::size_t i = 1; i < values.size(); ++i) {
@@ -33,23 +33,23 @@ std::optional<ControlLimits> control_limits(const std::vector<double>& values) {
   }
   const double centre = sum / static_cast<double>(values.size());
   const double sigma = ranges / static_cast<double>(values.size() - 1) / kRangeToSigma;
-  return ControlLimits{.centre = centre, .upper = centre + 3 * sigma, .lower = std::max(0.0, centre - 3 * sigma)};
+  return ControlLimits{.centre = centre, .upper = centre + 3 * sigma, .lower = std::max(least, centre - 3 * sigma)};
 }
 
 LotHistory lot_history(const std::vector<SubmissionRow>& submissions) {
-  LotHistory history{.valves = newest_by_valve(submissions), .levels = {}};
-  std::map<double, LevelHistory> levels;
+  LotHistory history{.valves = newest_by_valve(submissions), .levels = {}, .features = {}};
+  const auto add = [](FigureHistory& figure, std::size_t valve, double value) {
+    figure.values.push_back(value);
+    figure.valves.push_back(valve);
+  };
   for (std::size_t valve = 0; valve < history.valves.size(); ++valve) {
-    for (const LevelError& error : history.valves[valve].summary.errors) {
-      LevelHistory& level = levels[error.level_a];
-      level.level_a = error.level_a;
-      level.errors.push_back(error.error_eq20);
-      level.valves.push_back(valve);
-    }
+    const AnalysisSummary& summary = history.valves[valve].summary;
+    for (const LevelError& error : summary.errors) add(history.levels[error.level_a], valve, error.error_eq20);
+    for (const auto& [name, value] : summary.features) add(history.features[name], valve, value);
   }
-  for (auto& [level_a, level] : levels) {
-    level.limits = control_limits(level.errors);
-    history.levels.push_back(std::move(level));
+  for (auto& [level_a, level] : history.levels) level.limits = control_limits(level.values, 0);
+  for (auto& [name, feature] : history.features) {
+    feature.limits = control_limits(feature.values, -std::numeric_limits<double>::infinity());
   }
   return history;
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -9,28 +10,28 @@
 namespace valvetriage::http {
 
 /// Limits of an individuals control chart: mean ± 3 σ, σ = mean moving range / 1.128 (Montgomery, Statistical Quality
-/// Control, section 6.4). No lower limit below zero: an error has no sign.
+/// Control, section 6.4).
 struct ControlLimits {
   double centre = 0;
   double upper = 0;
   double lower = 0;
 };
 
-/// Nothing for fewer than two values.
-std::optional<ControlLimits> control_limits(const std::vector<double>& values);
+/// Nothing for fewer than two values. least: no lower limit below it, as an error has no sign.
+std::optional<ControlLimits> control_limits(const std::vector<double>& values, double least);
 
-/// Eq 20 errors of a lot's valves at one current level, in the order the valves were received.
-struct LevelHistory {
-  double level_a = 0;
-  std::vector<double> errors;
+/// One figure of a lot's valves, in the order the valves were received.
+struct FigureHistory {
+  std::vector<double> values;
   std::vector<std::size_t> valves;  ///< index into LotHistory::valves
   std::optional<ControlLimits> limits;
 };
 
 /// A lot over time: each valve once, by its newest submission with a result; a submission without serial is a valve.
 struct LotHistory {
-  std::vector<SubmissionRow> valves;  ///< oldest first
-  std::vector<LevelHistory> levels;   ///< by level
+  std::vector<SubmissionRow> valves;              ///< oldest first
+  std::map<double, FigureHistory> levels;         ///< Eq 20 error by current level [A]
+  std::map<std::string, FigureHistory> features;  ///< of the frequency response, by name
 };
 
 /// submissions  of one lot, newest first

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "core/recording/columns.h"
 #include "server/jobs/analyze_session.h"
 #include "server/wire/discrepancy_json.h"
@@ -81,6 +83,11 @@ AnalysisSummary summary_of(const Analysis& analysis) {
   for (const LevelFigures& level : analysis.simulation.by_level) {
     if (level.error_eq20) summary.errors.push_back({.level_a = level.level_a, .error_eq20 = *level.error_eq20});
   }
+  const auto& responses = analysis.frequency_response;
+  const auto smallest =
+      std::find_if(responses.begin(), responses.end(), [](const auto& r) { return r.model.has_value(); });
+  if (smallest == responses.end()) return summary;
+  for (const ResponseFeature& feature : smallest->features) summary.features[feature.name] = feature.value;
   return summary;
 }
 

@@ -63,7 +63,8 @@ Json to_json(const AnalysisSummary& summary) {
           {"conclusion", nullable(summary.conclusion)},
           {"top_cause", nullable(summary.top_cause)},
           {"top_cause_probability", nullable(summary.top_cause_probability)},
-          {"errors", std::move(errors)}};
+          {"errors", std::move(errors)},
+          {"features", summary.features}};
 }
 
 AnalysisSummary summary_from(JsonFields fields) {
@@ -78,6 +79,7 @@ AnalysisSummary summary_from(JsonFields fields) {
     const double level_a = level.number("level_A");
     summary.errors.push_back({level_a, level.number("error_eq20")});
   }
+  summary.features = fields.number_by_name("features");
   return summary;
 }
 

@@ -57,6 +57,8 @@ struct LevelError {
 ///
 /// top_cause             the strongest entry of `discrepancy.causes`; absent where there is none
 /// errors                Eq 20 error by current level
+/// features              of the frequency response at the smallest amplitude, by name with its unit: bandwidth_hz, …;
+///                       empty without a sweep
 struct AnalysisSummary {
   std::optional<std::string> verdict{};
   std::optional<std::string> reason{};
@@ -65,6 +67,7 @@ struct AnalysisSummary {
   std::optional<std::string> top_cause{};
   std::optional<double> top_cause_probability{};
   std::vector<LevelError> errors{};
+  std::map<std::string, double> features{};
 
   bool operator==(const AnalysisSummary&) const = default;
 };

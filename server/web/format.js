@@ -43,6 +43,14 @@ export function spoken(name) {
   return text[0].toUpperCase() + text.slice(1);
 }
 
+const FEATURE_UNITS = { hz: "Hz", db: "dB", db_per_decade: "dB/decade", deg: "°", s: "s" };
+
+/// A feature of a frequency response in words, and its unit: its name ends in it.
+export function featureWords(name) {
+  const [, stem, unit] = /^(.*?)_(hz|db_per_decade|db|deg|s)$/.exec(name) ?? [null, name, ""];
+  return [spoken(stem), FEATURE_UNITS[unit] ?? ""];
+}
+
 export function bytes(count) {
   if (count < 1e3) return `${count} B`;
   return count < 1e6 ? `${figure(count / 1e3)} kB` : `${figure(count / 1e6)} MB`;

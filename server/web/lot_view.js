@@ -2,7 +2,7 @@
 import { get } from "./api.js";
 import { individualsChart, verdictColumns } from "./chart.js";
 import { address, el, field, keepInAddress, options, section } from "./dom.js";
-import { causeCell, figure, spoken, time, verdictMark } from "./format.js";
+import { causeCell, featureWords, figure, spoken, time, verdictMark } from "./format.js";
 import { barRow } from "./gain_bar.js";
 import { parametersPart } from "./lot_parameters.js";
 import { reportLink } from "./report_link.js";
@@ -89,17 +89,30 @@ export function runs(values, centre) {
   return found;
 }
 
-/// Individuals and moving range of the error at one level, with the rules that fired.
+/// What a control chart can show of a lot: the error at a level, or a feature of the frequency response.
+export function figuresOf(history) {
+  const errors = history.levels.map((level) => ({
+    ...level, key: String(level.level_A), title: `Error (Eq 20) at ${level.level_A.toFixed(1)} A`, short: `${level.level_A.toFixed(1)} A`,
+    value: (valve) => valve.errors.find((error) => error.level_A === level.level_A)?.error_eq20,
+  }));
+  const features = history.features.map((feature) => {
+    const [words, unit] = featureWords(feature.name);
+    return { ...feature, key: feature.name, title: `${words} [${unit}]`, short: `${words} ${unit}`, value: (valve) => valve.features[feature.name] };
+  });
+  return [...errors, ...features];
+}
+
+/// Individuals and moving range of one figure, with the rules that fired.
 export function controlCharts(level, valves) {
   const points = valves.map((valve) => ({
-    value: valve.errors.find((error) => error.level_A === level.level_A)?.error_eq20, verdict: valve.verdict,
+    value: level.value(valve), verdict: valve.verdict,
     id: valve.submission_id, href: address("valve", valve.submission_id), serial: valve.serial ?? "without serial",
   })).filter((point) => typeof point.value === "number");
   for (const point of points) point.title = `${point.serial}: ${figure(point.value)}`;
   if (level.centre === null) return el("p", { class: "empty" }, "Control limits need at least two valves.");
   const outside = points.map((point, i) => (level.outside.includes(point.id) ? i : -1)).filter((i) => i >= 0);
   const lines = [{ value: level.centre, title: `mean ${figure(level.centre)}`, kind: "centre" }, { value: level.upper_limit, title: `upper limit ${figure(level.upper_limit)}`, kind: "" }];
-  if (level.lower_limit > 0) lines.push({ value: level.lower_limit, title: `lower limit ${figure(level.lower_limit)}`, kind: "" });
+  if (level.lower_limit !== 0) lines.push({ value: level.lower_limit, title: `lower limit ${figure(level.lower_limit)}`, kind: "" });
   const ranges = points.slice(1).map((point, i) => ({ ...point, value: Math.abs(point.value - points[i].value) }));
   const mean = ranges.reduce((sum, point) => sum + point.value, 0) / ranges.length;
   const wide = ranges.map((point, i) => (point.value > RANGE_LIMIT * mean ? i : -1)).filter((i) => i >= 0);
@@ -109,25 +122,26 @@ export function controlCharts(level, valves) {
     ...wide.map((i) => el("li", {}, "the step to ", el("a", { href: ranges[i].href }, ranges[i].serial), ` is larger than the moving range allows: ${figure(ranges[i].value)}`)),
   ];
   return el("div", {},
-    individualsChart({ points, lines, outside, label: `Error of each valve at ${level.level_A} A with control limits`, yTitle: "error (Eq 20)" }),
-    individualsChart({ points: ranges, outside: wide, height: 190, label: "Moving range of the error", yTitle: "moving range",
+    individualsChart({ points, lines, outside, label: `${level.title} of each valve with control limits`, yTitle: level.title }),
+    individualsChart({ points: ranges, outside: wide, height: 190, label: `Moving range of ${level.title}`, yTitle: "moving range",
       lines: [{ value: mean, title: `mean ${figure(mean)}`, kind: "centre" }, { value: RANGE_LIMIT * mean, title: `limit ${figure(RANGE_LIMIT * mean)}`, kind: "" }] }),
     fired.length ? el("ul", {}, fired) : el("p", {}, "No rule fired: the lot varies no more than from valve to valve."));
 }
 
-/// The charts of one level, chosen by the reader; the choice stands in the address.
+/// The charts of one figure, chosen by the reader; the choice stands in the address.
 function controlPart(history, parameters) {
-  if (history.levels.length === 0) return el("p", { class: "empty" }, "No valve of this lot was tested at a known level.");
-  const middle = history.levels[Math.floor(history.levels.length / 2)];
-  const levelOf = (text) => history.levels.find((level) => String(level.level_A) === text) ?? middle;
+  const figures = figuresOf(history);
+  if (figures.length === 0) return el("p", { class: "empty" }, "No valve of this lot was tested at a known level.");
+  const middle = figures[Math.floor(history.levels.length / 2)];
+  const figureOf = (text) => figures.find((candidate) => candidate.key === text) ?? middle;
   const place = el("div");
   const show = (level) => place.replaceChildren(controlCharts(level, history.valves));
   const choice = options(el("select", { onchange: () => {
     keepInAddress({ level: choice.value });
-    show(levelOf(choice.value));
-  } }), history.levels.map((level) => [String(level.level_A), `${level.level_A.toFixed(1)} A`]), String(levelOf(parameters.get("level")).level_A));
-  show(levelOf(parameters.get("level")));
-  return el("div", {}, el("div", { class: "filters" }, field("Level", choice)), place);
+    show(figureOf(choice.value));
+  } }), figures.map((candidate) => [candidate.key, candidate.title]), figureOf(parameters.get("level")).key);
+  show(figureOf(parameters.get("level")));
+  return el("div", {}, el("div", { class: "filters" }, field("Figure", choice)), place);
 }
 
 function verdictBars(lot, verdicts) {
@@ -141,18 +155,14 @@ function verdictBars(lot, verdicts) {
 }
 
 function valveTable(history) {
-  const levels = history.levels.map((level) => ({
-    title: `${level.level_A.toFixed(1)} A`, number: true,
-    value: (valve) => valve.errors.find((error) => error.level_A === level.level_A)?.error_eq20,
-    show: (valve) => figure(valve.errors.find((error) => error.level_A === level.level_A)?.error_eq20),
-  }));
+  const figures = figuresOf(history).map(({ short, value }) => ({ title: short, number: true, value, show: (valve) => figure(value(valve)) }));
   return table([
     { title: "Received", value: (valve) => valve.received_at, show: (valve) => time(valve.received_at) },
     { title: "Serial", value: (valve) => valve.serial, show: (valve) => el("a", { href: address("valve", valve.submission_id) }, valve.serial ?? "without serial") },
     { title: "Verdict", value: (valve) => valve.verdict, show: (valve) => verdictMark(valve.verdict) },
     { title: "What is wrong", value: causeCell },
-    ...levels,
-  ], history.valves, { caption: "Valves, each by its newest result; the error (Eq 20) by level", empty: "No result yet." });
+    ...figures,
+  ], history.valves, { caption: "Valves, each by its newest result; the error (Eq 20) by level, then figures of the frequency response", empty: "No result yet." });
 }
 
 export async function showLot({ argument, parameters, signal }) {
@@ -165,7 +175,7 @@ export async function showLot({ argument, parameters, signal }) {
       el("a", { href: address("valves", null, { lot: argument }) }, "All sessions"), " ", reportLink(`Lot ${argument}`, `${path}/report`)),
     el("div", { class: "columns" }, section("Verdicts", verdictBars(argument, history.verdicts)), section("Causes", pareto(argument, history.valves))),
     history.valves.length ? section("Verdicts over time", verdictColumns(history.valves)) : null,
-    section("Error over time", controlPart(history, parameters)),
+    section("Figures over time", controlPart(history, parameters)),
     section("Sizes of the causes", sizes.node),
     section("Valves", valveTable(history)));
   return { node, title: `Lot ${argument}`, shown: sizes.shown };

@@ -5,7 +5,7 @@ import { address, el, keepInAddress, section } from "./dom.js";
 import { reportLink } from "./report_link.js";
 import { follow } from "./events.js";
 import { findingsPart } from "./findings.js";
-import { bytes, conclusionWords, figure, isFinal, percent, quantity, scaled, spoken, time, verdictMark } from "./format.js";
+import { bytes, conclusionWords, featureWords, figure, isFinal, percent, quantity, scaled, spoken, time, verdictMark } from "./format.js";
 import { barRow, gainBars } from "./gain_bar.js";
 import { sessionColumns } from "./list_view.js";
 import { recordingPlots } from "./plots.js";
@@ -158,7 +158,7 @@ function responsePart(analysis, recording) {
   const chart = bodeChart(entry, output && input ? `${output}/${input}` : "");
   const features = Object.entries(entry.features ?? {}).filter(([, f]) => typeof f.value === "number");
   return el("div", {}, el("h3", {}, "Frequency response"), chart ?? el("p", { class: "empty" }, entry.refused || "No frequency response could be measured."),
-    features.length ? facts(features.map(([name, f]) => [spoken(name), `${quantity(f.value, f.unit)}${f.std_error ? ` ± ${quantity(f.std_error, f.unit)}` : ""}`])) : null);
+    features.length ? facts(features.map(([name, f]) => [featureWords(name)[0], `${quantity(f.value, f.unit)}${f.std_error ? ` ± ${quantity(f.std_error, f.unit)}` : ""}`])) : null);
 }
 
 /// The recordings, one of them drawn; the choice and the visible range stand in the address.

@@ -192,7 +192,7 @@ class Page(unittest.TestCase):
         self.assertEqual(self.browser.run("import('/web/lot_parameters.js').then((m) => m.quantile([1, 2, 4], 0.75))"), 3)
 
     def test_a_lot_names_the_rules_that_fired(self):
-        self.open("/lot/2026-W31-B", "Error over time")
+        self.open("/lot/2026-W31-B", "Figures over time")
         self.assertEqual(self.browser.run("import('/web/lot_view.js').then((m) => m.runs([1, 5, 5, 5, 5, 5, 5, 5, 5, 1, 5], 3))"), [[1, 8]])
         self.assertEqual(self.browser.run("import('/web/lot_view.js').then((m) => m.runs([5, 5, 5, 5, 5, 5, 5, 1], 3))"), [])
         self.assertEqual(self.browser.run("import('/web/chart.js').then((m) => m.ticks(0, 0.35))"), [0, 0.1, 0.2, 0.3])
@@ -200,13 +200,26 @@ class Page(unittest.TestCase):
           const errors = [10, 11, 10, 11, 10, 11, 10, 11, 10, 90];
           const valves = errors.map((error, i) => ({submission_id: `sub_${i}`, serial: `S${i}`, verdict: 'Good', errors: [{level_A: 1.4, error_eq20: error}]}));
           const level = {level_A: 1.4, centre: 18.4, upper_limit: 45, lower_limit: 0, outside: ['sub_9']};
-          document.querySelector('main').replaceChildren(m.controlCharts(level, valves));
+          const [error] = m.figuresOf({levels: [level], features: []});
+          document.querySelector('main').replaceChildren(m.controlCharts(error, valves));
         })""")
         text = self.browser.text()
         self.assertIn("S9 is outside the limits: 90.0", text)
         self.assertIn("9 valves in a row on one side of the mean, from S0 to S8", text)
         self.assertIn("the step to S9 is larger than the moving range allows: 80.0", text)
         self.assertEqual(self.browser.run("document.querySelectorAll('.lot-chart .ring').length"), 2)
+
+    def test_a_lot_charts_the_figures_of_its_frequency_responses(self):
+        self.open("/lot/2026-W31-B", "Figures over time")
+        self.browser.run("""import('/web/lot_view.js').then((m) => {
+          const valves = [-24, -26].map((slope, i) => ({submission_id: `sub_${i}`, serial: `S${i}`, verdict: 'Good', errors: [], features: {rolloff_db_per_decade: slope}}));
+          const feature = {name: 'rolloff_db_per_decade', centre: -25, upper_limit: -20, lower_limit: -30, outside: []};
+          const [rolloff] = m.figuresOf({levels: [], features: [feature]});
+          document.querySelector('main').replaceChildren(m.controlCharts(rolloff, valves));
+        })""")
+        text = self.browser.text()
+        self.assertIn("Rolloff [dB/decade]", text)
+        self.assertIn("lower limit -30", text)
 
     def test_a_report_opens_and_runs_nothing(self):
         self.open_valve("EFC-104233")

@@ -42,5 +42,16 @@ TEST_F(HttpLot, GivesTheParametersOfEachNamedCauseOverItsValves) {
   EXPECT_EQ(friction["parameters"][0]["values"][0]["value"], 0.02);
 }
 
+TEST_F(HttpLot, ListsTheFeaturesOfFrequencyResponsesWithTheirControlLimits) {
+  send("EFC-1", "named friction");
+  send("EFC-2", "named friction");
+  const Json history = get("/v1/lots/lot-1/history");
+  EXPECT_EQ(history["valves"][0]["features"]["bandwidth_hz"], 2.25);
+  ASSERT_EQ(history["features"].size(), 1u);
+  EXPECT_EQ(history["features"][0]["name"], "bandwidth_hz");
+  EXPECT_EQ(history["features"][0]["valves"], 2);
+  EXPECT_EQ(history["features"][0]["centre"], 2.25);
+}
+
 }  // namespace
 }  // namespace valvetriage

@@ -68,6 +68,7 @@ Result<NewAnalysis> read_only_analysis(const JobSpec& spec, const ReportProgress
   analysis.summary.verdict = "Good";
   analysis.summary.action = "accept";
   analysis.summary.errors = {{.level_a = 1.4, .error_eq20 = 2.5}};
+  analysis.summary.features = {{"bandwidth_hz", 2.25}};
   const Json document = analysis_asked_for(complaint);
   analysis.body_json = document.dump();
   const Json& found = document["discrepancy"];

@@ -50,6 +50,7 @@ inline NewAnalysis an_analysis(const std::string& verdict, const std::string& ca
   analysis.summary.top_cause = cause;
   analysis.summary.top_cause_probability = 0.97;
   analysis.summary.errors = {{1.2, 0.031}, {2.0, 0.11}};
+  analysis.summary.features = {{"bandwidth_hz", 2.25}, {"delay_s", 0.004}};
   return analysis;
 }
 

@@ -108,11 +108,11 @@ std::int64_t insert_analysis(const Write& in, const JobAt& job, const NewAnalysi
   const TimestampMs now = in.clock.utc_ms();
   in.connection.run(
       "INSERT INTO analyses (id, submission_seq, job_id, created_at, engine_version, settings_sha256, result_sha256, "
-      "verdict, reason, action, conclusion, top_cause, top_cause_probability, errors) "
-      "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+      "verdict, reason, action, conclusion, top_cause, top_cause_probability, errors, features) "
+      "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
       new_id("ana_", now), job.submission_seq, job.row.id, now, analysis.engine_version, analysis.settings_sha256,
       analysis.result_sha256, summary.verdict, summary.reason, summary.action, summary.conclusion, summary.top_cause,
-      summary.top_cause_probability, errors_to_json(summary.errors));
+      summary.top_cause_probability, errors_to_json(summary.errors), features_to_json(summary.features));
   const std::int64_t seq = in.connection.last_row();
   in.connection.run("INSERT INTO analysis_bodies VALUES (?, ?)", seq, Blob{body_zstd});
   return seq;
@@ -121,9 +121,10 @@ std::int64_t insert_analysis(const Write& in, const JobAt& job, const NewAnalysi
 void show_summary(const Write& in, const JobAt& job, const AnalysisSummary& summary) {
   in.connection.run(
       "UPDATE submissions SET state = 'done', problem = NULL, verdict = ?, reason = ?, action = ?, conclusion = ?, "
-      "top_cause = ?, top_cause_probability = ?, errors = ? WHERE seq = ?",
+      "top_cause = ?, top_cause_probability = ?, errors = ?, features = ? WHERE seq = ?",
       summary.verdict, summary.reason, summary.action, summary.conclusion, summary.top_cause,
-      summary.top_cause_probability, errors_to_json(summary.errors), job.submission_seq);
+      summary.top_cause_probability, errors_to_json(summary.errors), features_to_json(summary.features),
+      job.submission_seq);
   // A valve counts with its newest result: one of an older submission does not displace it.
   in.connection.run(
       "UPDATE lot_valves SET result_seq = ?1, verdict = ?2, cause = ?3 FROM submissions s WHERE s.seq = ?1 AND "

@@ -11,7 +11,7 @@ namespace {
 
 constexpr std::string_view kAnalysisColumns =
     "a.id, s.id, a.job_id, a.created_at, a.engine_version, a.settings_sha256, a.result_sha256, a.verdict, a.reason, "
-    "a.action, a.conclusion, a.top_cause, a.top_cause_probability, a.errors";
+    "a.action, a.conclusion, a.top_cause, a.top_cause_probability, a.errors, a.features";
 
 AnalysisRow read_analysis(Query& query) {
   AnalysisRow row;

@@ -12,12 +12,23 @@ std::vector<LevelError> errors_from_json(const std::string& text) {
   return errors;
 }
 
+std::map<std::string, double> features_from_json(const std::string& text) {
+  std::map<std::string, double> features;
+  const Json document = Json::parse(text, nullptr, /*allow_exceptions=*/false);
+  for (const auto& [name, value] : document.items()) features[name] = value.get<double>();
+  return features;
+}
+
 }  // namespace
 
 std::string errors_to_json(const std::vector<LevelError>& errors) {
   Json levels = Json::array();
   for (const LevelError& level : errors) levels.push_back({level.level_a, level.error_eq20});
   return dump_json(levels);
+}
+
+std::string features_to_json(const std::map<std::string, double>& features) {
+  return dump_json(Json(features));
 }
 
 std::string state_text(JobState state) {
@@ -40,6 +51,7 @@ AnalysisSummary read_summary(Query& query) {
   summary.top_cause = query.maybe_text();
   summary.top_cause_probability = query.maybe_real();
   summary.errors = errors_from_json(query.text());
+  summary.features = features_from_json(query.text());
   return summary;
 }
 

@@ -16,15 +16,16 @@ SubmissionRow row(const std::string& id, std::optional<std::string> serial, doub
 }
 
 TEST(ControlLimits, AreThreeSigmaOfTheMovingRange) {
-  const auto limits = control_limits({10, 12, 11, 13});
+  const auto limits = control_limits({10, 12, 11, 13}, 0);
   ASSERT_TRUE(limits);
   EXPECT_DOUBLE_EQ(limits->centre, 11.5);
   EXPECT_NEAR(limits->upper - limits->centre, 3 * (5.0 / 3) / 1.128, 1e-12);  // ranges 2, 1, 2
-  EXPECT_FALSE(control_limits({10}));
+  EXPECT_FALSE(control_limits({10}, 0));
 }
 
-TEST(ControlLimits, NeverGoBelowZero) {
-  EXPECT_EQ(control_limits({1, 9, 1, 9})->lower, 0);
+TEST(ControlLimits, NeverGoBelowTheLeastValueThereCanBe) {
+  EXPECT_EQ(control_limits({1, 9, 1, 9}, 0)->lower, 0);
+  EXPECT_LT(control_limits({1, 9, 1, 9}, -100)->lower, 0);
 }
 
 TEST(LotHistory, CountsEachValveOnceByItsNewestResultOldestFirst) {
@@ -35,8 +36,19 @@ TEST(LotHistory, CountsEachValveOnceByItsNewestResultOldestFirst) {
   for (const SubmissionRow& valve : history.valves) ids.push_back(valve.id);
   EXPECT_EQ(ids, (std::vector<std::string>{"sub_0", "sub_2", "sub_3", "sub_5"}));
   ASSERT_EQ(history.levels.size(), 1u);
-  EXPECT_EQ(history.levels[0].errors, (std::vector<double>{0, 2, 3, 5}));
-  EXPECT_EQ(history.levels[0].valves, (std::vector<std::size_t>{0, 1, 2, 3}));
+  EXPECT_EQ(history.levels.at(1.4).values, (std::vector<double>{0, 2, 3, 5}));
+  EXPECT_EQ(history.levels.at(1.4).valves, (std::vector<std::size_t>{0, 1, 2, 3}));
+}
+
+TEST(LotHistory, ListsTheFeaturesOfTheValvesThatWereSwept) {
+  std::vector<SubmissionRow> rows{row("sub_3", "C", 1), row("sub_2", "B", 1), row("sub_1", "A", 1)};
+  rows[0].summary.features = {{"rolloff_db_per_decade", -26}, {"bandwidth_hz", 2.5}};
+  rows[2].summary.features = {{"rolloff_db_per_decade", -24}};
+  const LotHistory history = lot_history(rows);
+  EXPECT_EQ(history.features.at("rolloff_db_per_decade").values, (std::vector<double>{-24, -26}));
+  EXPECT_EQ(history.features.at("rolloff_db_per_decade").valves, (std::vector<std::size_t>{0, 2}));
+  EXPECT_LT(history.features.at("rolloff_db_per_decade").limits->lower, -26);
+  EXPECT_FALSE(history.features.at("bandwidth_hz").limits);
 }
 
 }  // namespace
