@@ -2,6 +2,7 @@
 
 #include <atomic>
 #include <functional>
+#include <memory>
 #include <semaphore>
 
 #include "server/http/metrics.h"
@@ -13,6 +14,10 @@ namespace valvetriage::http {
 
 /// Series and simulations computed inside the server at a time: each may hold one large recording in memory.
 inline constexpr int kMaxComputations = 2;
+
+/// Residuals of valves by the analysis they belong to, which never changes; see lot_pattern_handlers.cpp.
+struct ResidualCache;
+std::shared_ptr<ResidualCache> make_residual_cache();
 
 /// What the handlers work on. One per server, shared by all its threads; everything in it is thread-safe.
 struct Service {
@@ -28,6 +33,7 @@ struct Service {
   std::atomic<int> event_waiters{0};  ///< requests that wait for an event now
   int max_event_waiters = 1;          ///< a quarter of the requests at a time: see make_http_server
   std::counting_semaphore<kMaxComputations> computations{kMaxComputations};
+  std::shared_ptr<ResidualCache> residuals = make_residual_cache();
 };
 
 }  // namespace valvetriage::http

@@ -2,6 +2,7 @@
 
 const SVG = "http://www.w3.org/2000/svg";
 const WIDTH = 1000;
+const HALF = 620; // of charts that stand side by side
 const MARGIN = { left: 64, right: 12, top: 12, bottom: 34 };
 const MARKS_AT_MOST = 1500; // beyond that one line stands for the marks, and only those outside the limits stay
 
@@ -23,16 +24,16 @@ export function ticks(low, high, wanted = 5) {
 }
 
 /// A frame with a y axis in `unit`; x runs over the valves in the order they were received.
-function frame({ height, low, high, label, yTitle, xTitle, whole = false }) {
+function frame({ height, width = WIDTH, low, high, label, yTitle, xTitle, whole = false }) {
   const bottom = height - MARGIN.bottom;
   const y = (value) => bottom - ((value - low) / (high - low || 1)) * (bottom - MARGIN.top);
-  const node = svg("svg", { viewBox: `0 0 ${WIDTH} ${height}`, class: "lot-chart", role: "img", "aria-label": label });
+  const node = svg("svg", { viewBox: `0 0 ${width} ${height}`, class: "lot-chart", role: "img", "aria-label": label });
   for (const tick of ticks(low, high).filter((value) => !whole || Number.isInteger(value))) {
-    node.append(svg("line", { class: "grid", x1: MARGIN.left, x2: WIDTH - MARGIN.right, y1: y(tick), y2: y(tick) }),
+    node.append(svg("line", { class: "grid", x1: MARGIN.left, x2: width - MARGIN.right, y1: y(tick), y2: y(tick) }),
       svg("text", { class: "tick", x: MARGIN.left - 8, y: y(tick) + 4, "text-anchor": "end" }, String(tick)));
   }
   node.append(svg("text", { class: "tick", transform: `translate(14 ${(MARGIN.top + bottom) / 2}) rotate(-90)`, "text-anchor": "middle" }, yTitle),
-    svg("text", { class: "tick", x: (MARGIN.left + WIDTH) / 2, y: height - 6, "text-anchor": "middle" }, xTitle));
+    svg("text", { class: "tick", x: (MARGIN.left + width) / 2, y: height - 6, "text-anchor": "middle" }, xTitle));
   return { node, y, bottom };
 }
 
@@ -98,6 +99,29 @@ export function distributionChart({ values, band, label, xTitle }) {
     node.append(svg("a", { href: value.href, tabindex: "-1" }, whisker,
       svg("circle", { class: "dot", cx: x(value.value), cy: y, r: Math.max(1.5, Math.min(4.5, step / 2.5)) }), svg("title", {}, value.title)));
   });
+  return node;
+}
+
+/// Mean residual over time with its standard deviation, and what good valves leave; null breaks the lines.
+export function residualChart({ time_s: times, mean, sd, good, label }) {
+  const height = 190;
+  const edges = mean.flatMap((value, i) => (value === null ? [] : [value - sd[i], value + sd[i]])).concat(good.filter((v) => v !== null), 0);
+  const [low, high] = [Math.min(...edges), Math.max(...edges)];
+  const { node, y, bottom } = frame({ height, width: HALF, low, high, label, yTitle: "residual", xTitle: "time [s]" });
+  const last = times[times.length - 1] + times[0];
+  const x = (time) => MARGIN.left + (time / last) * (HALF - MARGIN.left - MARGIN.right);
+  for (const tick of ticks(0, last, 6)) node.append(svg("text", { class: "tick", x: x(tick), y: bottom + 14, "text-anchor": "middle" }, String(tick)));
+  const at = (i, value) => `${x(times[i]).toFixed(1)} ${y(value).toFixed(1)}`;
+  const line = (values) => values.map((value, i) => (value === null ? "" : `${i > 0 && values[i - 1] !== null ? "L" : "M"}${at(i, value)}`)).join("");
+  const there = mean.map((value, i) => i).filter((i) => mean[i] !== null);
+  if (there.length > 1) {
+    const up = there.map((i) => at(i, mean[i] + sd[i]));
+    const down = there.map((i) => at(i, mean[i] - sd[i])).reverse();
+    node.append(svg("path", { class: "band", d: `M${[...up, ...down].join("L")}Z` }));
+  }
+  node.append(svg("line", { class: "limit centre", x1: MARGIN.left, x2: HALF - MARGIN.right, y1: y(0), y2: y(0) }));
+  if (good.length) node.append(svg("path", { class: "response good", d: line(good) }));
+  node.append(svg("path", { class: "response", d: line(mean) }));
   return node;
 }
 

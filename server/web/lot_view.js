@@ -5,6 +5,7 @@ import { address, el, field, keepInAddress, options, section } from "./dom.js";
 import { causeCell, featureWords, figure, spoken, time, verdictMark } from "./format.js";
 import { barRow } from "./gain_bar.js";
 import { parametersPart } from "./lot_parameters.js";
+import { patternsPart } from "./lot_patterns.js";
 import { reportLink } from "./report_link.js";
 import { table } from "./table.js";
 
@@ -169,6 +170,7 @@ export async function showLot({ argument, parameters, signal }) {
   const path = `/v1/lots/${encodeURIComponent(argument)}`;
   const [lot, history] = await Promise.all([get(path, signal), get(`${path}/history`, signal)]);
   const sizes = parametersPart(path, parameters, signal);
+  const patterns = patternsPart(path, signal);
   const node = el("div", {},
     el("h1", {}, "Lot ", argument),
     el("p", {}, `${lot.valves} valves in ${lot.submissions} sessions, ${lot.analysed_valves} analysed; received `, time(lot.first_received_at), " to ", time(lot.last_received_at), ". ",
@@ -177,6 +179,7 @@ export async function showLot({ argument, parameters, signal }) {
     history.valves.length ? section("Verdicts over time", verdictColumns(history.valves)) : null,
     section("Figures over time", controlPart(history, parameters)),
     section("Sizes of the causes", sizes.node),
+    section("Patterns that no cause explains", patterns.node),
     section("Valves", valveTable(history)));
-  return { node, title: `Lot ${argument}`, shown: sizes.shown };
+  return { node, title: `Lot ${argument}`, shown: () => [sizes, patterns].forEach((part) => part.shown()) };
 }

@@ -191,6 +191,20 @@ class Page(unittest.TestCase):
         self.assertIn("1 valve: 20.0 mA; lines are 95 % intervals, the band is good valves (4.00 ± 2.0 mA).", text)
         self.assertEqual(self.browser.run("import('/web/lot_parameters.js').then((m) => m.quantile([1, 2, 4], 0.75))"), 3)
 
+    def test_a_pattern_shows_its_members_and_its_mean_residual(self):
+        self.open("/lot/2026-W31-B", "No valve of this lot is unexplained.")
+        self.browser.run("""import('/web/lot_patterns.js').then((m) => {
+          const time_s = [...Array(64).keys()].map((i) => (i + 0.5) / 3.2);
+          const mean = time_s.map((t, i) => (i === 9 ? null : Math.exp(-((t - 8) ** 2))));
+          const group = {members: [1, 2, 3].map((i) => ({submission_id: `sub_${i}`, serial: `S${i}`, stand: '<i>stand-3', typicality: 0.9})),
+            residuals: [{test: 'step, 20.0 s', time_s, mean, sd: mean.map(() => 0.1), good: mean.map(() => 0.02)}]};
+          document.querySelector('main').replaceChildren(m.patternGroup(group, 1));
+        })""")
+        self.browser.wait_for_text("Pattern 1: 3 valves")
+        self.assertIn("S1 (0.90), S2 (0.90), S3 (0.90). All were tested on <i>stand-3.", self.browser.text())
+        self.assertEqual(self.browser.run("document.querySelectorAll('svg .response').length"), 2)
+        self.assertNotIn("NaN", self.browser.run("document.querySelector('svg').outerHTML"))
+
     def test_a_lot_names_the_rules_that_fired(self):
         self.open("/lot/2026-W31-B", "Figures over time")
         self.assertEqual(self.browser.run("import('/web/lot_view.js').then((m) => m.runs([1, 5, 5, 5, 5, 5, 5, 5, 5, 1, 5], 3))"), [[1, 8]])

@@ -6,7 +6,8 @@
 namespace valvetriage {
 namespace {
 
-constexpr double kSettled = 1e-9;  // of a standard deviation
+constexpr double kSettled = 1e-9;    // of a standard deviation
+constexpr double kSamePlace = 0.25;  // of η: prototypes nearer than half the distance of typicality 1/2 are one
 
 struct Clusters {
   std::vector<Verdict> verdicts;
@@ -89,6 +90,40 @@ RivalClassifier train_possibilistic_c_means(const TrainingSet& training, const P
     }
     return by_largest(memberships);
   };
+}
+
+std::vector<PatternGroup> possibilistic_groups(const Eigen::MatrixXd& x, double eta,
+                                               const PossibilisticOptions& options) {
+  if (x.rows() == 0) return {};
+  Clusters clusters{.verdicts = {}, .prototypes = x, .eta = Eigen::VectorXd::Constant(x.rows(), eta)};
+  refine(clusters, x, options,
+         [&](const Eigen::MatrixXd& d) { return typicalities(d, clusters.eta, options.fuzzifier); });
+  std::vector<Eigen::Index> distinct;
+  for (Eigen::Index i = 0; i < clusters.prototypes.rows(); ++i) {
+    const bool known = std::any_of(distinct.begin(), distinct.end(), [&](Eigen::Index k) {
+      return (clusters.prototypes.row(k) - clusters.prototypes.row(i)).squaredNorm() < kSamePlace * eta;
+    });
+    if (!known) distinct.push_back(i);
+  }
+  const Eigen::MatrixXd prototypes = clusters.prototypes(distinct, Eigen::all);
+  const Eigen::VectorXd etas = Eigen::VectorXd::Constant(prototypes.rows(), eta);
+  const Eigen::MatrixXd t = typicalities(squared_distances(prototypes, x), etas, options.fuzzifier);
+  std::vector<PatternGroup> groups(distinct.size());
+  for (Eigen::Index j = 0; j < x.rows(); ++j) {
+    Eigen::Index best = 0;
+    if (t.col(j).maxCoeff(&best) >= 0.5) groups[std::size_t(best)].members.push_back(std::size_t(j));
+  }
+  for (std::size_t k = 0; k < groups.size(); ++k) {
+    groups[k].prototype = prototypes.row(Eigen::Index(k));
+    const auto of = [&](std::size_t member) { return t(Eigen::Index(k), Eigen::Index(member)); };
+    std::stable_sort(groups[k].members.begin(), groups[k].members.end(),
+                     [&](std::size_t a, std::size_t b) { return of(a) > of(b); });
+    for (const std::size_t member : groups[k].members) groups[k].typicality.push_back(of(member));
+  }
+  std::erase_if(groups, [](const PatternGroup& group) { return group.members.size() < 2; });
+  std::stable_sort(groups.begin(), groups.end(),
+                   [](const PatternGroup& a, const PatternGroup& b) { return a.members.size() > b.members.size(); });
+  return groups;
 }
 
 }  // namespace valvetriage

@@ -22,4 +22,26 @@ struct PossibilisticOptions {
 };
 RivalClassifier train_possibilistic_c_means(const TrainingSet& training, const PossibilisticOptions& options = {});
 
+/// A cluster that was found without labels.
+struct PatternGroup {
+  Eigen::RowVectorXd prototype;      ///< p values
+  std::vector<std::size_t> members;  ///< rows, most typical first, two at least
+  std::vector<double> typicality;    ///< of each member, 1/2 at least
+};
+
+/// Groups of rows that lie together, as many as there are: the same updates with one given η, run from every row; where
+/// several end at the same place there is one cluster. A row belongs to the cluster it is most typical of, if its
+/// typicality there is 1/2 at least; rows that lie alone belong to none.
+///
+///   Possibilistic clusters do not repel each other: each seeks a dense place by itself, so that the number of clusters
+///   need not be known (R. Krishnapuram and J. Keller, IEEE Trans. Fuzzy Systems 4 (1996) 385).
+///
+/// x        n × p, on the scale that distances are meant on
+/// eta      squared distance of typicality 1/2, > 0
+/// options  a fuzzifier near 1 lets far rows weigh less
+/// Returns  largest group first; groups of one are none
+/// Cost     O(iterations · n² · p); deterministic
+std::vector<PatternGroup> possibilistic_groups(const Eigen::MatrixXd& x, double eta,
+                                               const PossibilisticOptions& options = {});
+
 }  // namespace valvetriage
