@@ -41,8 +41,7 @@ BinnedResidual binned_residual(const Recording& recording, const std::vector<dou
 
 Eigen::MatrixXd residual_directions(const Eigen::MatrixXd& residuals, const Eigen::MatrixXd& good,
                                     const Eigen::VectorXd& white_sd) {
-  const Eigen::RowVectorXd mean =
-      good.rows() > 0 ? mean_of(good) : Eigen::RowVectorXd::Zero(residuals.cols()).eval();
+  const Eigen::RowVectorXd mean = good.rows() > 0 ? mean_of(good) : Eigen::RowVectorXd::Zero(residuals.cols()).eval();
   Eigen::RowVectorXd scatter = white_sd.transpose().array().square();
   for (Eigen::Index i = 0; i < good.rows(); ++i) {
     const Eigen::ArrayXd off = (good.row(i) - mean).transpose().array();

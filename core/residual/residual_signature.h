@@ -13,9 +13,9 @@ namespace valvetriage {
 ///
 ///   b_k = mean of e over the valid samples of run k,  e = measured − simulated      [unit of the output]
 struct BinnedResidual {
-  Eigen::VectorXd value;        ///< one per run; NaN where no sample is valid
-  std::vector<double> time_s;   ///< middle of each run, from the first sample
-  double white_sd = 0;          ///< standard deviation that white noise of the residual gives a mean
+  Eigen::VectorXd value;       ///< one per run; NaN where no sample is valid
+  std::vector<double> time_s;  ///< middle of each run, from the first sample
+  double white_sd = 0;         ///< standard deviation that white noise of the residual gives a mean
 };
 
 /// simulated  n values, the free run

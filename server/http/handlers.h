@@ -37,6 +37,9 @@ namespace valvetriage::http {
   X(get_lot_history) \
   X(get_lot_parameters) \
   X(get_lot_patterns) \
+  X(get_comparison) \
+  X(list_stands) \
+  X(get_confusion) \
   X(get_valve) \
   X(post_finding) \
   X(list_references) \

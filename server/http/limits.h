@@ -53,6 +53,11 @@ inline constexpr std::size_t kMaxNamedValves = 1000;
 /// a second of simulation each, the first time.
 inline constexpr std::size_t kMaxPatternValves = 40;
 inline constexpr std::size_t kPatternGoodValves = 8;
+/// Newest sessions that tell how the stands are doing: some days of a plant.
+inline constexpr std::size_t kStandSessions = 2000;
+/// Newest teardown findings of the confusion table, each with the reading of one analysis; serials named in a cell.
+inline constexpr std::size_t kMaxConfusionFindings = 2000;
+inline constexpr std::size_t kMaxCellSerials = 50;
 /// Recordings a report draws: a session has six; a hundred would be a book.
 inline constexpr std::size_t kMaxReportPlots = 24;
 inline constexpr std::size_t kDefaultPageItems = 100;

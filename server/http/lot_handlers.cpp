@@ -144,13 +144,16 @@ Result<Response> get_lot_history(Service& service, Request& request) {
     features.push_back(figure_view(feature, history->valves));
     features.back()["name"] = name;
   }
+  Json alarms = Json::array();
+  for (const StandAlarm& alarm : stand_alarms(history->valves)) alarms.push_back(view(alarm, history->valves));
   const Json counted = view(*lot);
   return json_response(Json{{"lot", lot->lot},
                             {"verdicts", counted["verdicts"]},
                             {"causes", counted["causes"]},
                             {"valves", std::move(valves)},
                             {"levels", std::move(levels)},
-                            {"features", std::move(features)}});
+                            {"features", std::move(features)},
+                            {"alarms", std::move(alarms)}});
 }
 
 Result<Response> get_lot_report(Service& service, Request& request) {

@@ -5,10 +5,15 @@
 #include <limits>
 #include <set>
 
+#include "core/classify/rule_base.h"
+#include "core/mechanisms/mechanism.h"
+
 namespace valvetriage::http {
 namespace {
 
 constexpr double kRangeToSigma = 1.128;  // d2 of a moving range of two
+// Two in a row: a stand cause is named at 0.95 or more, so that two names by chance are rarer than one in 400.
+constexpr std::size_t kAlarmValves = 2;
 
 std::vector<SubmissionRow> newest_by_valve(const std::vector<SubmissionRow>& submissions) {
   std::set<std::string> seen;
@@ -22,7 +27,55 @@ std::vector<SubmissionRow> newest_by_valve(const std::vector<SubmissionRow>& sub
   return valves;
 }
 
+/// For each level that was measured the one it is shown as.
+std::map<double, double> shown_levels(const std::vector<SubmissionRow>& valves) {
+  std::map<double, int> counts;
+  for (const SubmissionRow& valve : valves) {
+    for (const LevelError& error : valve.summary.errors) ++counts[error.level_a];
+  }
+  std::map<double, double> shown;
+  for (auto first = counts.begin(); first != counts.end();) {
+    auto end = first, most = first;
+    for (; end != counts.end() && end->first - first->first < kLevelTolerance; ++end) {
+      if (end->second > most->second) most = end;
+    }
+    for (; first != end; ++first) shown[first->first] = most->first;
+  }
+  return shown;
+}
+
+bool is_stand_cause(const std::string& cause) {
+  const Mechanism* law = find_mechanism(cause);
+  return law != nullptr && law->origin == "stand";
+}
+
 }  // namespace
+
+std::vector<StandAlarm> stand_alarms(const std::vector<SubmissionRow>& valves) {
+  std::map<std::string, StandAlarm> runs;  // by stand, the one that goes on
+  std::vector<StandAlarm> alarms;
+  const auto end = [&](StandAlarm& run, bool current) {
+    run.current = current;
+    if (run.valves.size() >= kAlarmValves) alarms.push_back(run);
+    run = {};
+  };
+  for (std::size_t i = 0; i < valves.size(); ++i) {
+    const SubmissionRow& valve = valves[i];
+    if (!valve.labels.stand) continue;
+    const bool named = valve.summary.conclusion == "named" && valve.summary.top_cause;
+    const std::string cause = named && is_stand_cause(*valve.summary.top_cause) ? *valve.summary.top_cause : "";
+    StandAlarm& run = runs[*valve.labels.stand];
+    if (run.cause != cause) end(run, false);
+    if (cause.empty()) continue;
+    run.stand = *valve.labels.stand;
+    run.cause = cause;
+    run.valves.push_back(i);
+  }
+  for (auto& [stand, run] : runs) end(run, true);
+  std::stable_sort(alarms.begin(), alarms.end(),
+                   [](const StandAlarm& a, const StandAlarm& b) { return a.valves.back() > b.valves.back(); });
+  return alarms;
+}
 
 std::optional<ControlLimits> control_limits(const std::vector<double>& values, double least) {
   if (values.size() < 2) return std::nullopt;
@@ -38,6 +91,10 @@ std::optional<ControlLimits> control_limits(const std::vector<double>& values, d
 
 LotHistory lot_history(const std::vector<SubmissionRow>& submissions) {
   LotHistory history{.valves = newest_by_valve(submissions), .levels = {}, .features = {}};
+  const std::map<double, double> shown = shown_levels(history.valves);
+  for (SubmissionRow& valve : history.valves) {
+    for (LevelError& error : valve.summary.errors) error.level_a = shown.at(error.level_a);
+  }
   const auto add = [](FigureHistory& figure, std::size_t valve, double value) {
     figure.values.push_back(value);
     figure.valves.push_back(valve);

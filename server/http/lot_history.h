@@ -27,6 +27,16 @@ struct FigureHistory {
   std::optional<ControlLimits> limits;
 };
 
+/// Consecutive valves of one stand in which the same cause of origin `stand` is named: the stand needs a look.
+struct StandAlarm {
+  std::string stand, cause;
+  std::vector<std::size_t> valves;  ///< index of each, oldest first; two at least
+  bool current = false;             ///< no valve without it came from this stand since
+};
+
+/// valves  each once, oldest first, of any stands
+std::vector<StandAlarm> stand_alarms(const std::vector<SubmissionRow>& valves);
+
 /// A lot over time: each valve once, by its newest submission with a result; a submission without serial is a valve.
 struct LotHistory {
   std::vector<SubmissionRow> valves;              ///< oldest first
@@ -34,6 +44,8 @@ struct LotHistory {
   std::map<std::string, FigureHistory> features;  ///< of the frequency response, by name
 };
 
+/// Levels that lie within kLevelTolerance are one: they carry the value that most valves have, in `valves` as well.
+///
 /// submissions  of one lot, newest first
 LotHistory lot_history(const std::vector<SubmissionRow>& submissions);
 

@@ -138,9 +138,8 @@ Result<Response> get_lot_patterns(Service& service, Request& request) {
   if (!lot) return tl::unexpected(lot.error());
   const auto history = stored_history(service.store, {.lot = lot->lot});
   if (!history) return tl::unexpected(history.error());
-  const auto all = std::count_if(history->valves.begin(), history->valves.end(), [](const SubmissionRow& valve) {
-    return valve.summary.conclusion == "unexplained";
-  });
+  const auto all = std::count_if(history->valves.begin(), history->valves.end(),
+                                 [](const SubmissionRow& valve) { return valve.summary.conclusion == "unexplained"; });
   const auto place = ComputationPlace::take(service);
   if (!place) return tl::unexpected(place.error());
   const auto unexplained = compared(service, *history, "unexplained", kMaxPatternValves);

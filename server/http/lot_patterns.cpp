@@ -35,11 +35,8 @@ std::vector<SharedTest> shared_tests(const std::vector<ValveResiduals>& valves) 
     const auto middle = noise.begin() + static_cast<std::ptrdiff_t>(noise.size() / 2);
     std::nth_element(noise.begin(), middle, noise.end());
     const Eigen::Index bins = residuals.front()->value.size();
-    tests.push_back({.key = key,
-                     .bins = bins,
-                     .first_column = column,
-                     .white_sd = *middle,
-                     .time_s = residuals.front()->time_s});
+    tests.push_back(
+        {.key = key, .bins = bins, .first_column = column, .white_sd = *middle, .time_s = residuals.front()->time_s});
     column += bins;
   }
   return tests;
@@ -75,9 +72,7 @@ Spread spread_of(const Eigen::VectorXd& values) {
   }
   if (spread.count == 0) return spread;
   spread.mean = sum / spread.count;
-  spread.sd = spread.count > 1
-                  ? std::sqrt(std::max(0.0, (squares - sum * spread.mean) / (spread.count - 1)))
-                  : 0.0;
+  spread.sd = spread.count > 1 ? std::sqrt(std::max(0.0, (squares - sum * spread.mean) / (spread.count - 1))) : 0.0;
   return spread;
 }
 
@@ -109,8 +104,8 @@ std::vector<LotPattern> lot_patterns(const std::vector<ValveResiduals>& valves,
   const Eigen::MatrixXd directions = residual_directions(residuals, of_good, white_sd);
   std::vector<LotPattern> patterns;
   for (const PatternGroup& group : possibilistic_groups(directions, kSquaredDistance, kClustering)) {
-    const Eigen::MatrixXd members = residuals(std::vector<Eigen::Index>(group.members.begin(), group.members.end()),
-                                              Eigen::all);
+    const Eigen::MatrixXd members =
+        residuals(std::vector<Eigen::Index>(group.members.begin(), group.members.end()), Eigen::all);
     LotPattern pattern{.members = group.members, .typicality = group.typicality, .residuals = {}};
     for (const SharedTest& test : tests) {
       if (members_with(test, members) < 2) continue;

@@ -27,10 +27,11 @@ struct LotPattern {
 };
 
 /// Groups the valves whose residuals look alike: directions of their residuals beyond what good valves leave
-/// (residual_directions), clustered by possibilistic c-means (possibilistic_groups) with typicality 1/2 at a correlation
-/// of 0.75 with the group's mean.
+/// (residual_directions), clustered by possibilistic c-means (possibilistic_groups) with typicality 1/2 at a
+/// correlation of 0.75 with the group's mean.
 ///
 /// valves  unexplained ones; good  valves of the same lot in which nothing is wrong, any number
-std::vector<LotPattern> lot_patterns(const std::vector<ValveResiduals>& valves, const std::vector<ValveResiduals>& good);
+std::vector<LotPattern> lot_patterns(const std::vector<ValveResiduals>& valves,
+                                     const std::vector<ValveResiduals>& good);
 
 }  // namespace valvetriage::http

@@ -204,6 +204,18 @@ Json view(const TokenRow& row) {
               {"revoked_at", time_or_null(row.revoked_at)}};
 }
 
+Json view(const StandAlarm& alarm, const std::vector<SubmissionRow>& valves) {
+  Json members = Json::array();
+  for (const std::size_t i : alarm.valves) {
+    members.push_back(Json{{"submission_id", valves[i].id},
+                           {"serial", or_null(valves[i].labels.serial)},
+                           {"lot", or_null(valves[i].labels.lot)},
+                           {"received_at", format_rfc3339(valves[i].received_at)}});
+  }
+  return Json{
+      {"stand", alarm.stand}, {"cause", alarm.cause}, {"current", alarm.current}, {"valves", std::move(members)}};
+}
+
 Response json_response(const Json& document, int status) {
   Response response;
   response.status = status;

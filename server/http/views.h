@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "server/http/exchange.h"
+#include "server/http/lot_history.h"
 #include "server/store/store.h"
 #include "server/wire/json.h"
 
@@ -21,6 +22,8 @@ Json view(const LotRow& row);
 Json view(const FindingRow& row);
 Json view(const DocumentRow& row);
 Json view(const TokenRow& row);
+/// valves  that the alarm's indices are of
+Json view(const StandAlarm& alarm, const std::vector<SubmissionRow>& valves);
 
 Response json_response(const Json& document, int status = 200);
 

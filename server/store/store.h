@@ -401,6 +401,8 @@ class Store {
   virtual Result<FindingRow> add_finding(const NewFinding& finding) = 0;
   /// Oldest first. A valve that nobody has found anything in has none.
   virtual Result<std::vector<FindingRow>> findings(std::string_view serial) = 0;
+  /// Of all valves, newest first, `limit` at most.
+  virtual Result<std::vector<FindingRow>> newest_findings(int limit) = 0;
 
   // --- tokens --------------------------------------------------------------------------------------------------------
   virtual Result<TokenRow> add_token(const NewToken& token) = 0;

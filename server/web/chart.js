@@ -13,6 +13,16 @@ export function svg(tag, attributes = {}, ...children) {
   return element;
 }
 
+/// Marks that open a view when they are clicked. A drawing is one thing to a screen reader and to the keyboard, so these are
+/// no links: the tables of the same view hold those.
+function opens(href, ...children) {
+  const group = svg("g", { class: "opens" }, children);
+  group.addEventListener("click", () => {
+    location.hash = href;
+  });
+  return group;
+}
+
 /// Round numbers that cover [low, high], about `wanted` of them.
 export function ticks(low, high, wanted = 5) {
   const span = high - low || 1;
@@ -65,7 +75,7 @@ export function individualsChart({ points, lines, outside, height = 300, label, 
     if (points.length > MARKS_AT_MOST && !marked.has(i)) return;
     const title = svg("title", {}, point.title);
     const ring = marked.has(i) ? svg("circle", { class: "ring", cx: x(i), cy: y(point.value), r: size + 5 }) : null;
-    node.append(svg("a", { href: point.href, tabindex: "-1" }, ring, mark(point.verdict, x(i), y(point.value), size), title));
+    node.append(opens(point.href, ring, mark(point.verdict, x(i), y(point.value), size), title));
   });
   return node;
 }
@@ -96,7 +106,7 @@ export function distributionChart({ values, band, label, xTitle }) {
     const y = bottom - step * (i + 1);
     const whisker = typeof value.low === "number" && typeof value.high === "number"
       ? svg("line", { class: "whisker", x1: x(value.low), x2: x(value.high), y1: y, y2: y }) : null;
-    node.append(svg("a", { href: value.href, tabindex: "-1" }, whisker,
+    node.append(opens(value.href, whisker,
       svg("circle", { class: "dot", cx: x(value.value), cy: y, r: Math.max(1.5, Math.min(4.5, step / 2.5)) }), svg("title", {}, value.title)));
   });
   return node;

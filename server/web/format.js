@@ -65,6 +65,8 @@ export function verdictMark(verdict) {
 }
 
 const CONCLUSIONS = { none: "Nothing wrong", named: "Named", ambiguous: "Not settled", unexplained: "Unexplained" };
+/// Whether a name is a cause, or one of the words that stand where no cause is settled.
+export const isCause = (name) => !Object.hasOwn(CONCLUSIONS, name) && !["other", "not_analysed"].includes(name);
 export const conclusionWords = (conclusion) => CONCLUSIONS[conclusion] ?? "–";
 
 /// Cause of a row in a list: named plainly only where it is settled.

@@ -1,6 +1,7 @@
 // Lots: the list with counts, and one lot with its verdicts, errors and causes.
 import { get } from "./api.js";
 import { individualsChart, verdictColumns } from "./chart.js";
+import { alarmList } from "./compare_view.js";
 import { address, el, field, keepInAddress, options, section } from "./dom.js";
 import { causeCell, featureWords, figure, spoken, time, verdictMark } from "./format.js";
 import { barRow } from "./gain_bar.js";
@@ -32,9 +33,10 @@ function topCause(lot) {
 export async function showLots({ parameters, signal }) {
   const query = new URLSearchParams({ limit: "100" });
   if (parameters.has("cursor")) query.set("cursor", parameters.get("cursor"));
-  const page = await get(`/v1/lots?${query}`, signal);
+  const [page, stands] = await Promise.all([get(`/v1/lots?${query}`, signal), get("/v1/stands", signal)]);
+  const alarms = stands.items.map((stand) => stand.alarm).filter((alarm) => alarm?.current);
   const empty = el("span", {}, "There is no lot yet. Recordings that name a lot make one: ", el("a", { href: "#/upload" }, "upload some"), ".");
-  const node = el("div", {}, el("h1", {}, "Lots"),
+  const node = el("div", {}, el("h1", {}, "Lots"), alarmList(alarms),
     table(lotColumns(), page.items, { caption: "Lots, newest first, counted by valve", empty, sort: parameters.get("sort") ?? "", keep: true }),
     el("p", { class: "pager" }, parameters.has("cursor") ? el("a", { href: "#/lots" }, "First page") : null,
       page.next ? el("a", { href: address("lots", null, { cursor: page.next }) }, "Next page") : null));
@@ -155,6 +157,27 @@ function verdictBars(lot, verdicts) {
     verdicts.null ? row("null", "No verdict", verdicts.null, "floor") : null));
 }
 
+/// The stands the lot was tested on, each to be laid beside another.
+function standPart(lot, valves) {
+  const stands = new Map();
+  for (const valve of valves) {
+    const name = valve.stand ?? null;
+    stands.set(name, [...(stands.get(name) ?? []), valve]);
+  }
+  const rows = [...stands].map(([stand, of]) => ({ stand, of }));
+  const share = (row, test) => row.of.filter(test).length;
+  const other = (row) => rows.find((r) => r.stand && r !== row);
+  return table([
+    { title: "Stand", value: (row) => row.stand, show: (row) => (row.stand ? el("a", { href: address("valves", null, { lot, stand: row.stand }) }, row.stand) : "not named") },
+    { title: "Valves", value: (row) => row.of.length, number: true },
+    ...["Good", "Malfunctioned", "Severe"].map((verdict) => ({ title: verdict, value: (row) => share(row, (v) => v.verdict === verdict), number: true })),
+    { title: "Named", value: (row) => share(row, (v) => v.conclusion === "named"), number: true },
+    { title: "Unexplained", value: (row) => share(row, (v) => v.conclusion === "unexplained"), number: true },
+    { title: "Beside", value: () => null, show: (row) => (row.stand && other(row)
+      ? el("a", { href: address("compare", null, { lot, stand: row.stand, with_lot: lot, with_stand: other(row).stand }) }, `compare with ${other(row).stand}`) : "–") },
+  ], rows, { caption: "Valves of the lot by stand", empty: "No result yet." });
+}
+
 function valveTable(history) {
   const figures = figuresOf(history).map(({ short, value }) => ({ title: short, number: true, value, show: (valve) => figure(value(valve)) }));
   return table([
@@ -174,9 +197,12 @@ export async function showLot({ argument, parameters, signal }) {
   const node = el("div", {},
     el("h1", {}, "Lot ", argument),
     el("p", {}, `${lot.valves} valves in ${lot.submissions} sessions, ${lot.analysed_valves} analysed; received `, time(lot.first_received_at), " to ", time(lot.last_received_at), ". ",
-      el("a", { href: address("valves", null, { lot: argument }) }, "All sessions"), " ", reportLink(`Lot ${argument}`, `${path}/report`)),
+      el("a", { href: address("valves", null, { lot: argument }) }, "All sessions"), " ",
+      el("a", { href: address("compare", null, { lot: argument }) }, "compare"), " ", reportLink(`Lot ${argument}`, `${path}/report`)),
+    alarmList(history.alarms),
     el("div", { class: "columns" }, section("Verdicts", verdictBars(argument, history.verdicts)), section("Causes", pareto(argument, history.valves))),
     history.valves.length ? section("Verdicts over time", verdictColumns(history.valves)) : null,
+    section("Stands", standPart(argument, history.valves)),
     section("Figures over time", controlPart(history, parameters)),
     section("Sizes of the causes", sizes.node),
     section("Patterns that no cause explains", patterns.node),

@@ -1,11 +1,13 @@
 // The page: the address after # says what is shown, so that every link can be sent.
+import { showCompare } from "./compare_view.js";
 import { el } from "./dom.js";
 import { showList } from "./list_view.js";
 import { showLot, showLots } from "./lot_view.js";
+import { showTeardown } from "./teardown_view.js";
 import { showUpload } from "./upload_view.js";
 import { showSerial, showValve } from "./valve_view.js";
 
-const VIEWS = { valves: showList, valve: showValve, serial: showSerial, lots: showLots, lot: showLot, upload: showUpload };
+const VIEWS = { valves: showList, valve: showValve, serial: showSerial, lots: showLots, lot: showLot, compare: showCompare, teardown: showTeardown, upload: showUpload };
 
 const byId = (id) => document.getElementById(id);
 let leaving = new AbortController();

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <cctype>
+#include <set>
 #include <sstream>
 
 #include "server/http/request_head.h"
@@ -70,6 +71,63 @@ TEST_F(HttpLot, ListsTheFeaturesOfFrequencyResponsesWithTheirControlLimits) {
   EXPECT_EQ(history["features"][0]["name"], "bandwidth_hz");
   EXPECT_EQ(history["features"][0]["valves"], 2);
   EXPECT_EQ(history["features"][0]["centre"], 2.25);
+}
+
+TEST_F(HttpLot, RaisesAnAlarmWhereValvesInARowShareACauseOfTheStand) {
+  send("EFC-1", "named sensor_offset", "stand-3");
+  send("EFC-2", "named friction", "stand-1");
+  send("EFC-3", "named sensor_offset", "stand-3", "lot-2");
+  const Json stands = get("/v1/stands")["items"];
+  ASSERT_EQ(stands.size(), 2u);
+  EXPECT_EQ(stands[0]["alarm"], nullptr);
+  EXPECT_EQ(stands[1]["alarm"]["cause"], "sensor_offset");
+  EXPECT_EQ(stands[1]["alarm"]["current"], true);
+  EXPECT_EQ(stands[1]["alarm"]["valves"][1]["serial"], "EFC-3");
+  EXPECT_TRUE(get("/v1/lots/lot-1/history")["alarms"].empty()) << "one valve of this lot";
+  EXPECT_EQ(get("/v1/lots/lot-1/history")["valves"][0]["stand"], "stand-3");
+}
+
+TEST_F(HttpLot, IsComparedWithAnotherAndWithAStand) {
+  send("EFC-1", "named friction");
+  send("EFC-2", "named friction");
+  send("EFC-3", "named backlash", "stand-3", "lot-2");
+  const Json lots = get("/v1/comparison?lot=lot-1&with_lot=lot-2");
+  EXPECT_EQ(lots["a"]["valves"], 2);
+  EXPECT_EQ(lots["b"]["valves"], 1);
+  ASSERT_EQ(lots["causes"].size(), 2u);
+  EXPECT_EQ(lots["causes"][1]["name"], "friction");
+  EXPECT_EQ(lots["causes"][1]["a"], 2);
+  EXPECT_NEAR(lots["causes"][1]["p_value"].get<double>(), 1.0 / 3, 1e-12);
+  EXPECT_EQ(lots["levels"][0]["p_value"], nullptr);
+  EXPECT_EQ(get("/v1/comparison?stand=stand-1&with_stand=stand-3")["b"]["valves"], 1);
+  EXPECT_EQ(json_of(server_.get("/v1/comparison?lot=lot-1"))["field"], "with_lot");
+}
+
+TEST_F(HttpLot, LaysWhatTeardownFoundBesideWhatWasNamed) {
+  send("EFC-1", "named friction");
+  send("EFC-2", "named friction");
+  send("EFC-3", "unexplained");
+  const auto found = [&](const std::string& serial, const std::string& cause) {
+    EXPECT_EQ(server_.post("/v1/valves/" + serial + "/findings", R"({"who": "kim", "cause": ")" + cause + "\"}").status,
+              201);
+  };
+  found("EFC-1", "friction");
+  found("EFC-1", "friction");
+  found("EFC-2", "backlash");
+  found("EFC-3", "none");
+  found("EFC-4", "leakage");
+  const Json table = get("/v1/confusion");
+  EXPECT_EQ(table["findings"], 5);
+  EXPECT_EQ(table["valves"], 4);
+  EXPECT_EQ(table["named"], 2);
+  EXPECT_EQ(table["named_right"], 1);
+  std::set<std::string> cells;
+  for (const Json& cell : table["items"]) {
+    cells.insert(cell["named"].get<std::string>() + "/" + cell["found"].get<std::string>() + "/" +
+                 cell["valves"].dump());
+  }
+  EXPECT_EQ(cells, (std::set<std::string>{"friction/backlash/1", "friction/friction/1", "not_analysed/leakage/1",
+                                          "unexplained/none/1"}));
 }
 
 std::vector<std::string> serials(const Json& valves) {

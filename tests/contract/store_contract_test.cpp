@@ -558,6 +558,11 @@ TEST_P(StoreContract, KeepsWhatTeardownFound) {
   EXPECT_EQ(findings->at(0).note, "seal");
   EXPECT_EQ(findings->at(1).found_at, clock_.utc_ms());
   EXPECT_TRUE(store_->findings("EFC-2")->empty());
+  ASSERT_TRUE(store_->add_finding({.serial = "EFC-2", .cause = "none", .found_by = "kim", .found_at = {}, .note = ""}));
+  const auto newest = store_->newest_findings(2);
+  ASSERT_EQ(newest->size(), 2u);
+  EXPECT_EQ(newest->at(0).serial, "EFC-2");
+  EXPECT_EQ(newest->at(1).cause, "friction");
 }
 
 TEST_P(StoreContract, FindsATokenByItsSecretUntilItIsRevoked) {

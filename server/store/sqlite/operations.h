@@ -70,6 +70,7 @@ Result<StoredDocument> document(Connection& connection, DocumentKind kind, std::
 Result<std::vector<DocumentRow>> list_documents(Connection& connection, DocumentKind kind, std::string_view valve_type);
 Result<FindingRow> add_finding(const Write& in, const NewFinding& finding);
 Result<std::vector<FindingRow>> findings(Connection& connection, std::string_view serial);
+Result<std::vector<FindingRow>> newest_findings(Connection& connection, int limit);
 Result<TokenRow> add_token(const Write& in, const NewToken& token);
 Result<TokenRow> token_by_secret(Connection& connection, std::string_view secret_sha256);
 Result<std::vector<TokenRow>> list_tokens(Connection& connection);

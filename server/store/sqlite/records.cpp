@@ -76,6 +76,22 @@ void collect(Connection& connection, std::string_view sql, std::string_view sent
   while (query.next()) damages.push_back(fmt::format("{}: {}", sentence, query.text()));
 }
 
+std::vector<FindingRow> read_findings(Query& query) {
+  std::vector<FindingRow> rows;
+  while (query.next()) {
+    FindingRow row;
+    row.id = query.text();
+    row.serial = query.text();
+    row.cause = query.text();
+    row.found_by = query.text();
+    row.found_at = query.integer();
+    row.note = query.text();
+    row.created_at = query.integer();
+    rows.push_back(std::move(row));
+  }
+  return rows;
+}
+
 }  // namespace
 
 Result<std::vector<AnalysisRow>> analyses_of(Connection& connection, std::string_view submission_id) {
@@ -171,19 +187,13 @@ Result<std::vector<FindingRow>> findings(Connection& connection, std::string_vie
   Query query = connection.query(
       "SELECT id, serial, cause, found_by, found_at, note, created_at FROM findings WHERE serial = ? ORDER BY seq",
       serial);
-  std::vector<FindingRow> rows;
-  while (query.next()) {
-    FindingRow row;
-    row.id = query.text();
-    row.serial = query.text();
-    row.cause = query.text();
-    row.found_by = query.text();
-    row.found_at = query.integer();
-    row.note = query.text();
-    row.created_at = query.integer();
-    rows.push_back(std::move(row));
-  }
-  return rows;
+  return read_findings(query);
+}
+
+Result<std::vector<FindingRow>> newest_findings(Connection& connection, int limit) {
+  Query query = connection.query(
+      "SELECT id, serial, cause, found_by, found_at, note, created_at FROM findings ORDER BY seq DESC LIMIT ?", limit);
+  return read_findings(query);
 }
 
 Result<TokenRow> add_token(const Write& in, const NewToken& token) {

@@ -150,6 +150,9 @@ class SqliteStore final : public Store {
   Result<std::vector<FindingRow>> findings(std::string_view serial) override {
     return readers_.run([&](Connection& c) { return sqlite::findings(c, serial); });
   }
+  Result<std::vector<FindingRow>> newest_findings(int limit) override {
+    return readers_.run([&](Connection& c) { return sqlite::newest_findings(c, limit); });
+  }
 
   Result<TokenRow> add_token(const NewToken& token) override {
     return write([&](const Write& in) { return sqlite::add_token(in, token); });

@@ -51,5 +51,43 @@ TEST(LotHistory, ListsTheFeaturesOfTheValvesThatWereSwept) {
   EXPECT_FALSE(history.features.at("bandwidth_hz").limits);
 }
 
+TEST(LotHistory, TakesLevelsAFewMilliamperesApartAsOne) {
+  std::vector<SubmissionRow> rows{row("sub_3", "C", 3), row("sub_2", "B", 2), row("sub_1", "A", 1)};
+  rows[1].summary.errors[0].level_a = 1.41;
+  rows[2].summary.errors.push_back({.level_a = 1.6, .error_eq20 = 7});
+  const LotHistory history = lot_history(rows);
+  ASSERT_EQ(history.levels.size(), 2u);
+  EXPECT_EQ(history.levels[0].level_a, 1.4);
+  EXPECT_EQ(history.levels[0].errors, (std::vector<double>{1, 2, 3}));
+  EXPECT_EQ(history.valves[1].summary.errors[0].level_a, 1.4);
+}
+
+SubmissionRow named(const std::string& stand, const std::string& cause, const std::string& conclusion = "named") {
+  SubmissionRow valve = row("sub_" + stand + cause, std::nullopt, 1);
+  valve.labels.stand = stand;
+  valve.summary.conclusion = conclusion;
+  if (!cause.empty()) valve.summary.top_cause = cause;
+  return valve;
+}
+
+TEST(StandAlarms, TellConsecutiveValvesOfAStandThatShareAStandCause) {
+  const auto alarms = stand_alarms({named("s1", "sensor_offset"), named("s2", "friction"), named("s1", "sensor_offset"),
+                                    named("s1", "friction"), named("s2", "sensor_drift"), named("s2", "sensor_drift")});
+  ASSERT_EQ(alarms.size(), 2u);
+  EXPECT_EQ(alarms[0].stand, "s2");
+  EXPECT_EQ(alarms[0].cause, "sensor_drift");
+  EXPECT_EQ(alarms[0].valves, (std::vector<std::size_t>{4, 5}));
+  EXPECT_TRUE(alarms[0].current);
+  EXPECT_EQ(alarms[1].valves, (std::vector<std::size_t>{0, 2}));
+  EXPECT_FALSE(alarms[1].current) << "a valve without it came since";
+}
+
+TEST(StandAlarms, AreNoneForOneValveForCausesOfValvesAndForNamesThatAreNotSettled) {
+  EXPECT_TRUE(stand_alarms({named("s1", "sensor_offset"), named("s2", "sensor_offset")}).empty());
+  EXPECT_TRUE(stand_alarms({named("s1", "friction"), named("s1", "friction")}).empty());
+  EXPECT_TRUE(stand_alarms({named("s1", "sensor_offset"), named("s1", "sensor_offset", "ambiguous")}).empty());
+  EXPECT_TRUE(stand_alarms({named("s1", "sensor_offset"), named("s1", ""), named("s1", "sensor_offset")}).empty());
+}
+
 }  // namespace
 }  // namespace valvetriage::http

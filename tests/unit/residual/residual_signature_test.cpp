@@ -34,7 +34,7 @@ TEST(BinnedResidual, LeavesOutWhatIsNotValid) {
 
 TEST(ResidualDirections, TakeOffWhatGoodValvesLeaveAndCountTheirScatterAsNoise) {
   Eigen::MatrixXd good(2, 2), residuals(1, 2);
-  good << 1, -2, 1, 2;       // the second place scatters by 2 around 0
+  good << 1, -2, 1, 2;  // the second place scatters by 2 around 0
   residuals << 4, 3;
   const Eigen::MatrixXd s = residual_directions(residuals, good, Eigen::Vector2d(1, 1));
   // d₁² = (1 + 0) / 3, d₂² = (1 + 8) / 3: the offset of 3 weighs three times as much in the first place
@@ -43,7 +43,8 @@ TEST(ResidualDirections, TakeOffWhatGoodValvesLeaveAndCountTheirScatterAsNoise) 
 }
 
 TEST(ResidualDirections, OfAValveThatLeavesNothingAreZero) {
-  EXPECT_EQ(residual_directions(Eigen::MatrixXd::Zero(1, 3), Eigen::MatrixXd(0, 3), Eigen::Vector3d(1, 1, 1)).norm(), 0);
+  EXPECT_EQ(residual_directions(Eigen::MatrixXd::Zero(1, 3), Eigen::MatrixXd(0, 3), Eigen::Vector3d(1, 1, 1)).norm(),
+            0);
 }
 
 }  // namespace
