@@ -4,6 +4,15 @@ import { Problem, get, pause } from "./api.js";
 const WAIT_S = 25;
 const AGAIN_MS = 1500; // after an error, or where too many wait already
 
+const SILENT = "The server does not answer. The page goes on by itself when it is back.";
+
+/// Says that the server is silent, or takes that back.
+function showSilence(silent) {
+  const message = document.getElementById("message");
+  if (silent) message.textContent = SILENT;
+  else if (message.textContent === SILENT) message.textContent = "";
+}
+
 /// Calls onChange(subjects) with the set of ids that changed, until the view is left; null instead of a set where changes
 /// may have been missed, so that everything has to be asked for again.
 export async function follow(onChange, signal) {
@@ -13,6 +22,7 @@ export async function follow(onChange, signal) {
     try {
       if (cursor === null) {
         cursor = (await get("/v1/events", signal)).next;
+        showSilence(false);
         await onChange(null);
       }
       const answer = await get(`/v1/events?after=${cursor}&wait_s=${wait}&limit=1000`, signal);
@@ -25,6 +35,7 @@ export async function follow(onChange, signal) {
       if (error instanceof Problem && error.status < 500) throw error;
       if (error instanceof Problem && error.status === 503) wait = 0;
       else cursor = null;
+      if (!(error instanceof Problem)) showSilence(true);
       await pause(AGAIN_MS, signal).catch(() => {});
     }
   }

@@ -2,50 +2,15 @@
 
 usage: page_test.py CHROMIUM SERVER [PICTURES]      SERVER is contract_http; PICTURES a folder for screenshots
 """
-import json
-import math
 import pathlib
-import subprocess
 import sys
 import tempfile
 import unittest
 import urllib.parse
-import urllib.request
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
 from chromium import Chromium  # noqa: E402
-
-HOSTILE = '<img src=x onerror="window.hacked=1">'
-
-
-def recording(serial, lot, bad_line=None, stuck=False):
-    """Steps at 200 Hz with a first-order response; stuck: the gauge stands still from 1.5 to 1.6 s."""
-    lines = [f"# serial: {serial}", f"# lot: {lot}", "# test: step", "time_s,current_A,pressure_psi"]
-    pressure = 26.0
-    for i in range(400):
-        current = 1.2 if i < 100 else 1.6 if i < 250 else 1.4
-        pressure += 0.08 * (26 + 150 * (current - 1.2) - pressure)
-        shown = shown if stuck and 300 < i < 320 else pressure + 0.05 * math.sin(i * i)
-        lines.append(f"{0.005 * i:.4f},{current:.4f},{shown:.3f}")
-    if bad_line is not None:
-        lines[bad_line - 1] = "0.1,1.2,n/a"
-    return "\n".join(lines) + "\n"
-
-
-class Server:
-    def __init__(self, binary, folder):
-        self._process = subprocess.Popen([binary, "serve", folder], stdout=subprocess.PIPE, text=True)
-        self.url = f"http://127.0.0.1:{int(self._process.stdout.readline())}"
-
-    def end(self):
-        self._process.terminate()
-        self._process.wait()
-        self._process.stdout.close()
-
-    def get(self, path):
-        with urllib.request.urlopen(self.url + path) as answer:
-            return json.loads(answer.read())
-
+from page_server import HOSTILE, Server, recording  # noqa: E402
 
 class Page(unittest.TestCase):
     @classmethod
@@ -176,6 +141,29 @@ class Page(unittest.TestCase):
         self.browser.wait_for_text("Valves by verdict")
         self.assertIsNone(self.browser.run("document.querySelector('main img')"))
         self.assertIsNone(self.browser.run("window.hacked ?? null"))
+
+    def test_teardown_stands_beside_what_was_named(self):
+        self.server.post(f"/v1/valves/{urllib.parse.quote(HOSTILE, safe='')}/findings", {"cause": HOSTILE, "who": "kim"})
+        self.open("/teardown", "Named and found")
+        self.assertEqual(self.browser.run("document.querySelector('thead th:last-child').innerText"), "All")
+        self.assertIn("teardown found that cause in", self.browser.text())
+        self.assertIn(HOSTILE, self.browser.run("document.querySelector('table.confusion').textContent"))
+        self.assertIsNone(self.browser.run("document.querySelector('main img')"))
+        self.picture("teardown")
+
+    def test_two_lots_stand_beside_each_other(self):
+        self.open(f"/compare?lot=2026-W31-B&with_lot={urllib.parse.quote(HOSTILE, safe='')}", "Error by level")
+        text = self.browser.text()
+        self.assertIn(f"lot 2026-W31-B: 1 valves; lot {HOSTILE}: 1 valves.", text)
+        self.assertIn("too few", text)
+        self.assertIsNone(self.browser.run("document.querySelector('main img')"))
+        self.picture("compare")
+
+    def test_an_alarm_names_the_stand_its_cause_and_the_valves_to_look_at(self):
+        self.open("/lots", "2026-W31-B")
+        self.browser.run("""import('/web/compare_view.js').then((m) => document.querySelector('main').replaceChildren(m.alarmList([
+          {stand: '<b>stand-3', cause: 'sensor_offset', current: true, valves: [1, 2].map((i) => ({submission_id: `sub_${i}`, serial: `S${i}`}))}])))""")
+        self.browser.wait_for_text("Look at <b>stand-3. 2 valves in a row show sensor offset, which is the stand's: S1, S2.")
 
     def test_a_lot_counts_its_valves(self):
         self.open("/lots", "2026-W31-B")

@@ -1,13 +1,16 @@
 // The contract tests of the service, and the child that their servers start for each job: this executable with the verb
-// `analysis-child`. `serve DIR` runs a server alone, for tests that kill it.
+// `analysis-child`. `serve DIR [PORT]` runs a server alone, for tests that kill it.
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <thread>
 
 #include "core/recording/columns.h"
 #include "server/http/serve.h"
@@ -25,10 +28,15 @@ std::string example_analysis() {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
-/// The schema's example, or what the recording's complaint asks for: "unexplained", "named sensor_offset".
+/// The schema's example, or what the recording's complaint asks for: "unexplained", "named sensor_offset"; "wait FILE"
+/// gives the example as soon as there is such a file.
 Json analysis_asked_for(const std::optional<std::string>& complaint) {
   Json document = *parse_json(example_analysis());
   if (!complaint) return document;
+  if (complaint->starts_with("wait ")) {
+    while (!std::filesystem::exists(complaint->substr(5))) std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    return document;
+  }
   Json& found = document["discrepancy"];
   found["conclusion"] = complaint->substr(0, complaint->find(' '));
   if (found["conclusion"] == "named") {
@@ -80,9 +88,9 @@ Result<NewAnalysis> read_only_analysis(const JobSpec& spec, const ReportProgress
   return analysis;
 }
 
-int serve_alone(const char* folder) {
+int serve_alone(const char* folder, const char* port) {
   http::ServeOptions options;
-  options.listen = "127.0.0.1:0";
+  options.listen = std::string("127.0.0.1:") + port;
   options.database_file = std::string(folder) + "/valvetriage.sqlite";
   options.data_dir = folder;
   options.log_requests = false;
@@ -101,7 +109,8 @@ int serve_alone(const char* folder) {
 int main(int argc, char** argv) {
   if (argc > 1 && std::strcmp(argv[1], "analysis-child") == 0)
     return valvetriage::run_child(valvetriage::read_only_analysis);
-  if (argc > 2 && std::strcmp(argv[1], "serve") == 0) return valvetriage::serve_alone(argv[2]);
+  if (argc > 2 && std::strcmp(argv[1], "serve") == 0)
+    return valvetriage::serve_alone(argv[2], argc > 3 ? argv[3] : "0");
   testing::InitGoogleTest(&argc, argv);
   return RUN_ALL_TESTS();
 }

@@ -1,0 +1,64 @@
+"""The server that the tests of the page talk to, and the recordings they send it."""
+import json
+import math
+import subprocess
+import time
+import urllib.request
+
+HOSTILE = '<img src=x onerror="window.hacked=1">'
+
+
+def recording(serial, lot, bad_line=None, stuck=False, **labels):
+    """Steps at 200 Hz with a first-order response; stuck: the gauge stands still from 1.5 to 1.6 s."""
+    more = [f"# {name}: {value}" for name, value in labels.items()]
+    lines = [f"# serial: {serial}", f"# lot: {lot}", "# test: step", *more, "time_s,current_A,pressure_psi"]
+    pressure = 26.0
+    for i in range(400):
+        current = 1.2 if i < 100 else 1.6 if i < 250 else 1.4
+        pressure += 0.08 * (26 + 150 * (current - 1.2) - pressure)
+        shown = shown if stuck and 300 < i < 320 else pressure + 0.05 * math.sin(i * i)
+        lines.append(f"{0.005 * i:.4f},{current:.4f},{shown:.3f}")
+    if bad_line is not None:
+        lines[bad_line - 1] = "0.1,1.2,n/a"
+    return "\n".join(lines) + "\n"
+
+
+class Server:
+    def __init__(self, binary, folder):
+        self._command, self._port = [binary, "serve", folder], 0
+        self.start()
+
+    def start(self):
+        """On a port of the system's choice; after kill() on the same one again."""
+        self._process = subprocess.Popen([*self._command, str(self._port)], stdout=subprocess.PIPE, text=True)
+        self._port = int(self._process.stdout.readline())
+        self.url = f"http://127.0.0.1:{self._port}"
+
+    def kill(self):
+        self._process.kill()
+        self._process.wait()
+        self._process.stdout.close()
+
+    def end(self):
+        self._process.terminate()
+        self._process.wait()
+        self._process.stdout.close()
+
+    def send(self, csv):
+        """Uploads a recording; the submission once its job has ended."""
+        asked = urllib.request.Request(f"{self.url}/v1/recordings?name=steps.csv", data=csv.encode(), method="POST", headers={"Content-Type": "text/csv"})
+        with urllib.request.urlopen(asked) as answer:
+            row = json.loads(answer.read())
+        while row["state"] in ("queued", "running"):
+            time.sleep(0.02)
+            row = self.get(f"/v1/recordings/{row['id']}")
+        return row
+
+    def post(self, path, document):
+        asked = urllib.request.Request(self.url + path, data=json.dumps(document).encode(), method="POST", headers={"Content-Type": "application/json"})
+        with urllib.request.urlopen(asked) as answer:
+            return json.loads(answer.read())
+
+    def get(self, path):
+        with urllib.request.urlopen(self.url + path) as answer:
+            return json.loads(answer.read())
