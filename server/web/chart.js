@@ -1,4 +1,5 @@
 // Small charts of lots, drawn as SVG: one mark per valve, limits as lines, links to the valves.
+import { figure } from "./format.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 const WIDTH = 1000;
@@ -57,7 +58,7 @@ function mark(verdict, x, y, size) {
   return svg("circle", { class: kind, cx: x, cy: y, r: size });
 }
 
-/// points  {value, verdict, href, title}; lines  {value, title, kind}; outside  indices of points
+/// points  {value, verdict, href, serial}; lines  {value, title, kind}; outside  indices of points
 export function individualsChart({ points, lines, outside, height = 300, label, yTitle }) {
   const values = [...points.map((p) => p.value), ...lines.map((l) => l.value)];
   const high = Math.max(...values, 1e-9);
@@ -71,9 +72,10 @@ export function individualsChart({ points, lines, outside, height = 300, label, 
   node.append(svg("path", { class: "run", d: `M${points.map((p, i) => `${x(i).toFixed(1)} ${y(p.value).toFixed(1)}`).join("L")}` }));
   const marked = new Set(outside);
   const size = points.length > 200 ? 2.5 : 5;
+  let drawn = 0;
   points.forEach((point, i) => {
-    if (points.length > MARKS_AT_MOST && !marked.has(i)) return;
-    const title = svg("title", {}, point.title);
+    if (points.length > MARKS_AT_MOST && (!marked.has(i) || ++drawn > MARKS_AT_MOST)) return;
+    const title = svg("title", {}, `${point.serial}: ${figure(point.value)}`);
     const ring = marked.has(i) ? svg("circle", { class: "ring", cx: x(i), cy: y(point.value), r: size + 5 }) : null;
     node.append(opens(point.href, ring, mark(point.verdict, x(i), y(point.value), size), title));
   });

@@ -77,6 +77,7 @@ function pareto(lot, valves) {
   return el("div", {}, bars, falseNames(valves));
 }
 
+const FIRED = 20; // times that a rule fired which are listed; the chart rings all
 const RUN = 8; // consecutive values on one side of the centre: Western Electric's fourth rule
 const RANGE_LIMIT = 3.267; // D4 of a moving range of two
 
@@ -111,18 +112,20 @@ export function controlCharts(level, valves) {
     value: level.value(valve), verdict: valve.verdict,
     id: valve.submission_id, href: address("valve", valve.submission_id), serial: valve.serial ?? "without serial",
   })).filter((point) => typeof point.value === "number");
-  for (const point of points) point.title = `${point.serial}: ${figure(point.value)}`;
   if (level.centre === null) return el("p", { class: "empty" }, "Control limits need at least two valves.");
-  const outside = points.map((point, i) => (level.outside.includes(point.id) ? i : -1)).filter((i) => i >= 0);
+  const beyond = new Set(level.outside);
+  const outside = points.map((point, i) => (beyond.has(point.id) ? i : -1)).filter((i) => i >= 0);
   const lines = [{ value: level.centre, title: `mean ${figure(level.centre)}`, kind: "centre" }, { value: level.upper_limit, title: `upper limit ${figure(level.upper_limit)}`, kind: "" }];
   if (level.lower_limit !== 0) lines.push({ value: level.lower_limit, title: `lower limit ${figure(level.lower_limit)}`, kind: "" });
   const ranges = points.slice(1).map((point, i) => ({ ...point, value: Math.abs(point.value - points[i].value) }));
   const mean = ranges.reduce((sum, point) => sum + point.value, 0) / ranges.length;
   const wide = ranges.map((point, i) => (point.value > RANGE_LIMIT * mean ? i : -1)).filter((i) => i >= 0);
+  const first = (all, line) => [...all.slice(0, FIRED).map((entry) => el("li", {}, line(entry))),
+    all.length > FIRED ? el("li", {}, `and ${all.length - FIRED} more like this`) : null].filter(Boolean);
   const fired = [
-    ...outside.map((i) => el("li", {}, el("a", { href: points[i].href }, points[i].serial), ` is outside the limits: ${figure(points[i].value)}`)),
-    ...runs(points.map((p) => p.value), level.centre).map(([from, to]) => el("li", {}, `${to - from + 1} valves in a row on one side of the mean, from ${points[from].serial} to ${points[to].serial}`)),
-    ...wide.map((i) => el("li", {}, "the step to ", el("a", { href: ranges[i].href }, ranges[i].serial), ` is larger than the moving range allows: ${figure(ranges[i].value)}`)),
+    ...first(outside, (i) => [el("a", { href: points[i].href }, points[i].serial), ` is outside the limits: ${figure(points[i].value)}`]),
+    ...first(runs(points.map((p) => p.value), level.centre), ([from, to]) => `${to - from + 1} valves in a row on one side of the mean, from ${points[from].serial} to ${points[to].serial}`),
+    ...first(wide, (i) => ["the step to ", el("a", { href: ranges[i].href }, ranges[i].serial), ` is larger than the moving range allows: ${figure(ranges[i].value)}`]),
   ];
   return el("div", {},
     individualsChart({ points, lines, outside, label: `${level.title} of each valve with control limits`, yTitle: level.title }),
@@ -162,7 +165,8 @@ function standPart(lot, valves) {
   const stands = new Map();
   for (const valve of valves) {
     const name = valve.stand ?? null;
-    stands.set(name, [...(stands.get(name) ?? []), valve]);
+    if (!stands.has(name)) stands.set(name, []);
+    stands.get(name).push(valve);
   }
   const rows = [...stands].map(([stand, of]) => ({ stand, of }));
   const share = (row, test) => row.of.filter(test).length;

@@ -8,6 +8,9 @@ function compare(a, b) {
   return typeof a === "number" && typeof b === "number" ? a - b : String(a).localeCompare(String(b), undefined, { numeric: true });
 }
 
+const FIRST_ROWS = 200; // of a long table, drawn at once; sorting is over all of them
+const MORE_ROWS = 1000;
+
 /// columns  {title, unit, value(row), show(row), number}: `value` sorts, `show` (else the value) is shown
 /// options  caption; empty: what stands there without rows; sort: "title" or "-title"; keep: the sort order stands in the
 ///          address; detail(row): class of the row
@@ -17,6 +20,8 @@ export function table(columns, rows, { caption, empty = "Nothing here.", sort = 
   const heads = columns.map((column) => headOf(column));
   const head = el("thead", {}, el("tr", {}, heads));
   let order = sort;
+  let most = FIRST_ROWS;
+  const rest = el("p", { class: "pager", hidden: rows.length <= FIRST_ROWS });
 
   function headOf(column) {
     const button = el("button", { type: "button", onclick: () => sortBy(order === column.title ? `-${column.title}` : column.title) },
@@ -36,8 +41,19 @@ export function table(columns, rows, { caption, empty = "Nothing here.", sort = 
       if (c === column) heads[i].setAttribute("aria-sort", down ? "descending" : "ascending");
       else heads[i].removeAttribute("aria-sort");
     });
-    body.replaceChildren(...shown.map((row) => el("tr", { class: detail(row) },
+    body.replaceChildren(...shown.slice(0, most).map((row) => el("tr", { class: detail(row) },
       columns.map((c) => el("td", { class: c.number ? "number" : null }, c.show ? c.show(row) : c.value(row) ?? "–")))));
+  }
+
+  function showRest() {
+    const left = rows.length - most;
+    rest.hidden = left <= 0;
+    rest.replaceChildren(el("span", { role: "status" }, `${Math.min(most, rows.length)} of ${rows.length} rows`),
+      el("button", { type: "button", onclick: () => {
+        most += MORE_ROWS;
+        fill();
+        showRest();
+      } }, `Show ${Math.min(left, MORE_ROWS)} more`));
   }
 
   function sortBy(title) {
@@ -47,6 +63,7 @@ export function table(columns, rows, { caption, empty = "Nothing here.", sort = 
   }
 
   fill();
-  return el("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": caption },
-    el("table", {}, el("caption", {}, caption), head, body));
+  showRest();
+  return el("div", {}, el("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": caption },
+    el("table", {}, el("caption", {}, caption), head, body)), rest);
 }

@@ -93,6 +93,23 @@ class Page(unittest.TestCase):
         self.assertEqual(self.browser.run("document.querySelector('[aria-sort]').getAttribute('aria-sort')"), "descending")
         self.assertIn("sort=-Serial", self.browser.run("location.hash"))
 
+    def test_a_long_table_draws_its_first_rows_and_sorts_over_all(self):
+        self.open("/lots", "2026-W31-B")
+        self.browser.run("""import('/web/table.js').then((m) => document.querySelector('main').replaceChildren(
+          m.table([{title: 'Number', value: (row) => row}], [...Array(1500).keys()], {caption: 'Numbers'})))""")
+        rows = "document.querySelectorAll('tbody tr').length"
+        self.browser.wait(f"{rows} === 200")
+        self.assertIn("200 of 1500 rows", self.browser.text())
+        sort = "document.querySelector('thead button').click()"
+        self.browser.run(f"{sort}; {sort}")
+        self.assertEqual(self.browser.run("document.querySelector('tbody td').innerText"), "1499")
+        more = "document.querySelector('.pager button').click()"
+        self.browser.run(more)
+        self.assertEqual(self.browser.run(rows), 1200)
+        self.browser.run(more)
+        self.assertEqual(self.browser.run(rows), 1500)
+        self.assertTrue(self.browser.run("document.querySelector('main .pager').hidden"))
+
     def test_a_valve_shows_its_cause_with_interval_and_unit(self):
         self.open_valve("EFC-104233")
         text = self.browser.text()
