@@ -91,22 +91,22 @@ double median(std::vector<double> values) {
   return 0.5 * (*middle + *std::max_element(values.begin(), middle));
 }
 
-const LevelHistory* level_at(const Side& side, double level_a) {
-  for (const LevelHistory& level : side.history.levels) {
-    if (std::abs(level.level_a - level_a) < kLevelTolerance) return &level;
+const FigureHistory* level_at(const Side& side, double level_a) {
+  for (const auto& [other_a, level] : side.history.levels) {
+    if (std::abs(other_a - level_a) < kLevelTolerance) return &level;
   }
   return nullptr;
 }
 
 Json levels(const Side& a, const Side& b) {
   Json items = Json::array();
-  for (const LevelHistory& level : a.history.levels) {
-    const LevelHistory* other = level_at(b, level.level_a);
+  for (const auto& [level_a, level] : a.history.levels) {
+    const FigureHistory* other = level_at(b, level_a);
     if (other == nullptr) continue;
-    const double p = rank_sum_p_value(level.errors, other->errors);
-    items.push_back(Json{{"level_A", level.level_a},
-                         {"a", Json{{"valves", level.errors.size()}, {"median", median(level.errors)}}},
-                         {"b", Json{{"valves", other->errors.size()}, {"median", median(other->errors)}}},
+    const double p = rank_sum_p_value(level.values, other->values);
+    items.push_back(Json{{"level_A", level_a},
+                         {"a", Json{{"valves", level.values.size()}, {"median", median(level.values)}}},
+                         {"b", Json{{"valves", other->values.size()}, {"median", median(other->values)}}},
                          {"p_value", std::isfinite(p) ? Json(p) : Json(nullptr)}});
   }
   return items;

@@ -10,6 +10,13 @@ export function figure(value, digits = 3) {
   return text.includes("e") ? String(Math.round(value)) : text;
 }
 
+/// A mean with its standard deviation, as far as the deviation's two digits tell: "0.00 ± 0.16".
+export function withDeviation(mean, deviation) {
+  if (!(deviation > 0) || deviation >= 100 || deviation < 1e-4) return `${figure(mean)} ± ${figure(deviation, 2)}`;
+  const decimals = Math.max(0, 1 - Math.floor(Math.log10(deviation)));
+  return `${mean.toFixed(decimals).replace(/^-(0(\.0*)?)$/, "$1")} ± ${deviation.toFixed(decimals)}`;
+}
+
 /// The number and unit a person would write: 0.0183 A is 18.3 mA.
 export function scaled(value, unit) {
   const small = typeof value === "number" && value !== 0 && Math.abs(value) < 0.1;

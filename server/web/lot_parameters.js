@@ -2,7 +2,7 @@
 import { get } from "./api.js";
 import { distributionChart } from "./chart.js";
 import { address, el, field, keepInAddress, options } from "./dom.js";
-import { figure, quantity, scaled, spoken } from "./format.js";
+import { quantity, scaled, spoken, withDeviation } from "./format.js";
 
 /// The value below which `share` of the sorted values lie, between two of them by their distance.
 export function quantile(sorted, share) {
@@ -25,7 +25,7 @@ function parameterChart(cause, parameter) {
   return el("div", {},
     el("h3", {}, el("code", {}, parameter.name)),
     el("p", { class: "small" }, `${sorted.length} ${sorted.length === 1 ? "valve" : "valves"}: ${middle}; lines are 95 % intervals`,
-      band ? `, the band is good valves (${figure(times(mean))} ± ${figure(times(2 * sd), 2)}${unit ? ` ${unit}` : ""})` : null, "."),
+      band ? `, the band is good valves (${withDeviation(times(mean), times(2 * sd))}${unit ? ` ${unit}` : ""})` : null, "."),
     distributionChart({ values, band, label: `${parameter.name} of ${spoken(cause).toLowerCase()} over ${sorted.length} valves: ${middle}`,
       xTitle: `${parameter.name.replace(/_[A-Za-z]+(_per_s)?$/, "").replaceAll("_", " ")}${unit ? ` [${unit}]` : ""}` }));
 }

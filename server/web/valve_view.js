@@ -5,7 +5,7 @@ import { address, el, keepInAddress, section } from "./dom.js";
 import { reportLink } from "./report_link.js";
 import { follow } from "./events.js";
 import { findingsPart } from "./findings.js";
-import { bytes, conclusionWords, featureWords, figure, isFinal, percent, quantity, scaled, spoken, time, verdictMark } from "./format.js";
+import { bytes, conclusionWords, featureWords, figure, isFinal, percent, quantity, scaled, spoken, time, verdictMark, withDeviation } from "./format.js";
 import { barRow, gainBars } from "./gain_bar.js";
 import { sessionColumns } from "./list_view.js";
 import { recordingPlots } from "./plots.js";
@@ -80,7 +80,7 @@ function parameterTable(cause) {
     { title: "95 % from", value: (r) => r.low, show: (r) => figure(r.low), number: true },
     { title: "to", value: (r) => r.high, show: (r) => figure(r.high), number: true },
     { title: "Unit", value: (r) => r.unit, show: (r) => r.unit || "–" },
-    { title: "Good valves", value: (r) => r.mean, show: (r) => (typeof r.mean === "number" ? `${figure(r.mean)} ± ${figure(r.sd, 2)}` : "–"), number: true },
+    { title: "Good valves", value: (r) => r.mean, show: (r) => (typeof r.mean === "number" ? withDeviation(r.mean, r.sd) : "–"), number: true },
   ], rows, { caption: `Parameters of ${spoken(cause.cause).toLowerCase()}` });
 }
 
@@ -114,6 +114,17 @@ function findingTable(findings) {
   ], findings, { caption: "Structure in the residual" }));
 }
 
+/// The gain on a kind of test that the causes were not fitted to.
+function transferTable(transfer, unit) {
+  if (!transfer?.length) return null;
+  return el("details", {}, el("summary", {}, "What carries over to tests it was not fitted to"), table([
+    { title: "Fitted on", value: (t) => t.from },
+    { title: "Run on", value: (t) => t.to },
+    { title: "Simulation", unit, value: (t) => t.rmse_baseline, show: (t) => figure(t.rmse_baseline), number: true },
+    { title: "With the causes", unit, value: (t) => t.rmse_extended, show: (t) => figure(t.rmse_extended), number: true },
+  ], transfer, { caption: "Error (rms) of the free run" }));
+}
+
 function nextTestPart(test, sentence, name) {
   if (!test) return null;
   const file = `${name}-next-test.csv`;
@@ -133,6 +144,7 @@ function discrepancyPart(analysis, summary, name) {
       found.causes.length ? gainBars(found.gain, unit) : null),
     summary.gain ? el("p", {}, summary.gain) : null,
     nextTestPart(found.next_test, summary.next_test, name),
+    transferTable(found.gain.transfer, unit),
     findingTable(found.findings),
     summary.upper_limits.length ? el("details", {}, el("summary", {}, "What these recordings exclude"), el("ul", {}, summary.upper_limits.map((line) => el("li", {}, line)))) : null,
     candidateTable(found.candidates));

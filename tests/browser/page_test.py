@@ -119,6 +119,12 @@ class Page(unittest.TestCase):
         self.assertIn("holds until the current has moved 20 mA", self.browser.run("document.body.textContent"))
         self.picture("valve")
 
+    def test_a_mean_is_written_as_far_as_its_deviation_tells(self):
+        self.open("/lots", "2026-W31-B")
+        said = self.browser.run("""import('/web/format.js').then((m) =>
+          [[0.00015, 0.16], [-0.0001, 0.16], [12.3456, 1.5], [1234.5, 42], [3, 0]].map(([mean, sd]) => m.withDeviation(mean, sd)))""")
+        self.assertEqual(said, ["0.00 ± 0.16", "0.00 ± 0.16", "12.3 ± 1.5", "1235 ± 42", "3.00 ± 0"])
+
     def test_zooming_by_buttons_stays_in_the_address(self):
         self.open_valve("EFC-104233")
         self.browser.run("document.querySelector('[aria-label=\"zoom in\"]').click()")
@@ -193,7 +199,7 @@ class Page(unittest.TestCase):
         self.browser.wait_for_text("breakaway_A")
         text = self.browser.text()
         self.assertIn("Of 1 name, fewer than 0.1 are expected to be false", text)
-        self.assertIn("1 valve: 20.0 mA; lines are 95 % intervals, the band is good valves (4.00 ± 2.0 mA).", text)
+        self.assertIn("1 valve: 20.0 mA; lines are 95 % intervals, the band is good valves (4.0 ± 2.0 mA).", text)
         self.assertEqual(self.browser.run("import('/web/lot_parameters.js').then((m) => m.quantile([1, 2, 4], 0.75))"), 3)
 
     def test_a_pattern_shows_its_members_and_its_mean_residual(self):
