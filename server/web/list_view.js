@@ -1,5 +1,5 @@
 // The list of valve sessions: filters, sorting, pages by cursor.
-import { allCauses, get } from "./api.js";
+import { allCauses, get, save } from "./api.js";
 import { address, el, field, options } from "./dom.js";
 import { causeCell, isFinal, spoken, time, verdictMark } from "./format.js";
 import { table } from "./table.js";
@@ -64,6 +64,7 @@ export async function showList({ parameters, signal }) {
     filterForm(chosen, causes),
     table(sessionColumns, page.items, { caption: "Test sessions, newest first", empty, sort: chosen.sort ?? "", keep: true }),
     el("p", { class: "pager" },
+      page.items.length ? el("button", { type: "button", class: "link", onclick: () => save("valves.csv", `/v1/submissions?${query}&format=csv`) }, "these as CSV") : null,
       chosen.cursor ? el("a", { href: address("valves", null, { ...chosen, cursor: null }) }, "First page") : null,
       page.next ? el("a", { href: address("valves", null, next) }, "Next page") : null));
   return { node, title: "Valves" };

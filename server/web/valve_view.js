@@ -1,6 +1,7 @@
 // One valve: its verdict, what the simulation gets wrong, its recordings, what teardown found, its history.
 import { get, post, save } from "./api.js";
 import { bodeChart } from "./bode_chart.js";
+import { alarmList } from "./compare_view.js";
 import { address, el, keepInAddress, section } from "./dom.js";
 import { reportLink } from "./report_link.js";
 import { follow } from "./events.js";
@@ -155,11 +156,11 @@ function qualityList(summary) {
   return el("ul", { class: "quality" }, summary.quality.map((item) => el("li", {}, el("strong", {}, spoken(item.code)), `, ${item.count} ${item.count === 1 ? "sample" : "samples"}: ${item.detail}`)));
 }
 
-function downloadLinks(recording) {
-  const csv = (what) => el("button", { type: "button", class: "link", onclick: () => save(`${recording.name}-${what}.csv`, `${recording.links.series}?what=${what}&points=20000&format=csv`) }, `${what} (CSV)`);
+function downloadLinks(recording, extended) {
+  const csv = (what) => el("button", { type: "button", class: "link", onclick: () => save(`${recording.name}-${what}.csv`, `${recording.links.series}?what=${what}&points=20000&format=csv`) }, `${what.replace("_", " ")} (CSV)`);
   return el("p", { class: "downloads" },
     el("button", { type: "button", class: "link", onclick: () => save(recording.name, recording.links.raw) }, `raw file (${bytes(recording.size_bytes)})`),
-    ["measured", "simulated", "residual"].map(csv));
+    ["measured", "simulated", "residual", ...(extended ? ["extended", "extended_residual"] : [])].map(csv));
 }
 
 /// Gain and phase where the recording is a sweep, with the figures read off them.
@@ -195,7 +196,7 @@ function recordingsPart(submission, analysis, parameters, signal) {
       facts([["Test", summary?.test ?? recording.test], ["Samples", summary ? `${summary.samples} at ${figure(summary.sample_rate_hz, 4)} Hz` : null],
         ["Error of the simulation", numbers ? `${quantity(numbers.rmse, unit)} rms` : null],
         ["Noise alone", numbers ? `${quantity(numbers.noise_floor, unit)} rms` : null], ["Fit", numbers ? `${figure(numbers.fit_percent, 4)} %` : null]]),
-      plots?.node ?? "", responsePart(analysis, recording) ?? "", qualityList(summary), downloadLinks(recording));
+      plots?.node ?? "", responsePart(analysis, recording) ?? "", qualityList(summary), downloadLinks(recording, extended));
     plots?.shown();
   }
 
@@ -292,12 +293,15 @@ function makingPart(analysis, analyses) {
 
 export async function showValve({ argument, parameters, signal, again }) {
   const submission = await get(`/v1/submissions/${encodeURIComponent(argument)}`, signal);
-  const [found, job, analyses, findings] = await Promise.all([
+  const [found, job, analyses, findings, stands] = await Promise.all([
     result(submission, signal), get(`/v1/jobs/${submission.job_id}`, signal),
     submission.state === "done" ? get(`${submission.links.self}/analyses`, signal) : { items: [] },
-    submission.serial ? findingsPart(submission.serial, signal) : null]);
+    submission.serial ? findingsPart(submission.serial, signal) : null,
+    submission.stand ? get("/v1/stands", signal) : { items: [] }]);
+  const alarm = stands.items.find((stand) => stand.stand === submission.stand)?.alarm;
   const name = submission.serial ?? submission.id;
-  const parts = [head(submission, found?.analysis, again, el("span", { role: "status" }))];
+  const parts = [head(submission, found?.analysis, again, el("span", { role: "status" })),
+    alarm?.current ? alarmList([alarm]) : null];
   const later = [];
   const add = (part) => {
     parts.push(part.node);

@@ -1,7 +1,7 @@
 """axe-core on every view of the page, light and dark; what the keyboard reaches; that nothing jumps while loading.
 
-usage: accessibility_test.py CHROMIUM SERVER      SERVER is contract_http. Exit 77 (skipped) without axe-core, which
-deploy/setup installs from npm.
+usage: accessibility_test.py CHROMIUM SERVER Axe|Keyboard      SERVER is contract_http. Axe: exit 77 (skipped) without
+axe-core, which deploy/setup installs from npm.
 """
 import pathlib
 import sys
@@ -18,9 +18,10 @@ AXE = pathlib.Path(__file__).parent / "node_modules/axe-core/axe.min.js"
 LOT = "2026-W31-B"
 
 
-def views(submission):
+def views(submission, on_bad_stand):
     """Address and a text that tells that the view is there."""
     return {
+        "valve on a stand with an alarm": (f"/valve/{on_bad_stand}", "Look at stand-3."),
         "valves": ("/valves", "Test sessions"),
         "valves without any": ("/valves?serial=nobody", "No valve fits these filters."),
         "valve": (f"/valve/{submission}", "time [s]"),
@@ -33,7 +34,7 @@ def views(submission):
     }
 
 
-class Accessibility(unittest.TestCase):
+class Views(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         cls._folder = tempfile.TemporaryDirectory(prefix="valvetriage-")
@@ -43,6 +44,8 @@ class Accessibility(unittest.TestCase):
             stand = "stand-3" if "sensor" in complaint else "stand-1"
             row = cls.server.send(recording(f"EFC-{number}", LOT, stuck=number == 1, stand=stand, complaint=complaint))
             cls.submission = row["submission_id"] if number == 1 else cls.submission
+            cls.on_bad_stand = row["submission_id"] if number == 3 else None if number < 3 else cls.on_bad_stand
+        cls.views = views(cls.submission, cls.on_bad_stand)
         cls.server.post("/v1/valves/EFC-1/findings", {"cause": "friction", "who": "kim"})
         cls.server.post("/v1/valves/EFC-4/findings", {"cause": "leakage", "who": "kim"})
 
@@ -58,6 +61,8 @@ class Accessibility(unittest.TestCase):
         browser.wait("!document.body.hasAttribute('aria-busy')")
         browser.wait("!document.body.innerText.includes('Loading …')")
 
+
+class Axe(Views):
     def violations(self, browser):
         browser.run(AXE.read_text(encoding="utf-8"))
         found = browser.run("""axe.run(document, {resultTypes: ['violations']}).then((r) => r.violations.map((v) =>
@@ -68,15 +73,17 @@ class Accessibility(unittest.TestCase):
         for dark, width in ((False, 1280), (True, 1280), (False, 420)):
             with Chromium(CHROMIUM, width=width, dark=dark) as browser:
                 browser.call("Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=False)
-                for name, (address, text) in views(self.submission).items():
+                for name, (address, text) in self.views.items():
                     with self.subTest(view=name, dark=dark, width=width):
                         self.open(browser, address, text)
                         self.assertEqual(self.violations(browser), [])
 
+
+class Keyboard(Views):
     def test_no_view_is_wider_than_a_narrow_window(self):
         with Chromium(CHROMIUM, width=420) as browser:
             browser.call("Emulation.setDeviceMetricsOverride", width=420, height=900, deviceScaleFactor=1, mobile=False)
-            for name, (address, text) in views(self.submission).items():
+            for name, (address, text) in self.views.items():
                 with self.subTest(view=name):
                     self.open(browser, address, text)
                     self.assertLessEqual(browser.run("document.documentElement.scrollWidth"), 420)
@@ -88,7 +95,7 @@ class Accessibility(unittest.TestCase):
 
     def test_the_keyboard_reaches_every_control_in_the_order_of_the_page(self):
         with Chromium(CHROMIUM) as browser:
-            for name, (address, text) in views(self.submission).items():
+            for name, (address, text) in self.views.items():
                 with self.subTest(view=name):
                     self.open(browser, address, text)
                     controls = browser.run("""(() => {
@@ -119,7 +126,7 @@ class Accessibility(unittest.TestCase):
     def test_nothing_jumps_while_a_valve_or_a_lot_loads(self):
         with Chromium(CHROMIUM) as browser:
             for name in ("valve", "lot", "lots"):
-                address, text = views(self.submission)[name]
+                address, text = self.views[name]
                 with self.subTest(view=name):
                     self.open(browser, address, text)
                     shift = browser.run("""new Promise((resolve) => {
@@ -134,7 +141,7 @@ class Accessibility(unittest.TestCase):
 
 if __name__ == "__main__":
     CHROMIUM, SERVER = sys.argv[1:3]
-    if not AXE.exists():
+    if "Axe" in sys.argv[3:] and not AXE.exists():
         print(f"skipped: {AXE} is not there; deploy/setup installs it where npm is")
         sys.exit(77)
     unittest.main(argv=sys.argv[:1] + sys.argv[3:], verbosity=2)
