@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <iterator>
 
 #include "core/recording/text.h"
 #include "server/http/handlers.h"
@@ -21,28 +22,34 @@ constexpr std::size_t kMaxFindingBytes = 64 * 1024;
 constexpr std::size_t kMaxNoteBytes = 10'000;
 constexpr std::size_t kMaxSerialBytes = 200;
 
-/// Member by member: a lot has ten thousand of these, and an initialiser list would copy each member twice.
-Json valve_point(const SubmissionRow& row) {
-  Json errors = Json::array();
-  for (const LevelError& error : row.summary.errors) {
-    Json entry = Json::object();
-    entry["level_A"] = error.level_a;
-    entry["error_eq20"] = error.error_eq20;
-    errors.push_back(std::move(entry));
+std::string text_or_null(const std::optional<std::string>& text) {
+  return text ? dump_json(Json(*text)) : "null";
+}
+
+std::string number_or_null(const std::optional<double>& number) {
+  return number && std::isfinite(*number) ? fmt::format("{}", *number) : "null";
+}
+
+/// Written without a document in between: a lot has ten thousand of these, and the page waits for them.
+void add_valve_point(std::string& out, const SubmissionRow& row) {
+  const Labels& labels = row.labels;
+  const AnalysisSummary& summary = row.summary;
+  fmt::format_to(std::back_inserter(out),
+                 R"({{"submission_id":{},"serial":{},"stand":{},"received_at":"{}","verdict":{},"conclusion":{},)"
+                 R"("top_cause":{},"top_cause_probability":{},"errors":[)",
+                 dump_json(Json(row.id)), text_or_null(labels.serial), text_or_null(labels.stand),
+                 format_rfc3339(row.received_at), text_or_null(summary.verdict), text_or_null(summary.conclusion),
+                 text_or_null(summary.top_cause), number_or_null(summary.top_cause_probability));
+  for (std::size_t i = 0; i < summary.errors.size(); ++i) {
+    fmt::format_to(std::back_inserter(out), R"({}{{"level_A":{},"error_eq20":{}}})", i == 0 ? "" : ",",
+                   number_or_null(summary.errors[i].level_a), number_or_null(summary.errors[i].error_eq20));
   }
-  const auto or_null = [](const auto& value) { return value ? Json(*value) : Json(nullptr); };
-  Json point = Json::object();
-  point["submission_id"] = row.id;
-  point["serial"] = or_null(row.labels.serial);
-  point["stand"] = or_null(row.labels.stand);
-  point["received_at"] = format_rfc3339(row.received_at);
-  point["verdict"] = or_null(row.summary.verdict);
-  point["conclusion"] = or_null(row.summary.conclusion);
-  point["top_cause"] = or_null(row.summary.top_cause);
-  point["top_cause_probability"] = or_null(row.summary.top_cause_probability);
-  point["errors"] = std::move(errors);
-  point["features"] = row.summary.features;
-  return point;
+  out += R"(],"features":{)";
+  for (auto feature = summary.features.begin(); feature != summary.features.end(); ++feature) {
+    fmt::format_to(std::back_inserter(out), R"({}{}:{})", feature == summary.features.begin() ? "" : ",",
+                   dump_json(Json(feature->first)), number_or_null(feature->second));
+  }
+  out += "}}";
 }
 
 /// What a control chart of one figure needs.
@@ -139,8 +146,7 @@ Result<Response> get_lot_history(Service& service, Request& request) {
   if (!lot) return tl::unexpected(lot.error());
   const auto history = stored_history(service.store, {.lot = lot->lot});
   if (!history) return tl::unexpected(history.error());
-  Json valves = Json::array(), levels = Json::array(), features = Json::array();
-  for (const SubmissionRow& valve : history->valves) valves.push_back(valve_point(valve));
+  Json levels = Json::array(), features = Json::array(), alarms = Json::array();
   for (const auto& [level_a, level] : history->levels) {
     levels.push_back(figure_view(level, history->valves));
     levels.back()["level_A"] = level_a;
@@ -149,16 +155,22 @@ Result<Response> get_lot_history(Service& service, Request& request) {
     features.push_back(figure_view(feature, history->valves));
     features.back()["name"] = name;
   }
-  Json alarms = Json::array();
   for (const StandAlarm& alarm : stand_alarms(history->valves)) alarms.push_back(view(alarm, history->valves));
   const Json counted = view(*lot);
-  return json_response(Json{{"lot", lot->lot},
-                            {"verdicts", counted["verdicts"]},
-                            {"causes", counted["causes"]},
-                            {"valves", std::move(valves)},
-                            {"levels", std::move(levels)},
-                            {"features", std::move(features)},
-                            {"alarms", std::move(alarms)}});
+  Response response = json_response(Json{{"lot", lot->lot},
+                                         {"verdicts", counted["verdicts"]},
+                                         {"causes", counted["causes"]},
+                                         {"levels", std::move(levels)},
+                                         {"features", std::move(features)},
+                                         {"alarms", std::move(alarms)}});
+  response.body.back() = ',';
+  response.body += R"("valves":[)";
+  for (const SubmissionRow& valve : history->valves) {
+    if (response.body.back() != '[') response.body += ',';
+    add_valve_point(response.body, valve);
+  }
+  response.body += "]}";
+  return response;
 }
 
 Result<Response> get_lot_report(Service& service, Request& request) {

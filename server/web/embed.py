@@ -1,6 +1,9 @@
 #!/usr/bin/env python3
 """Builds files into the binary: writes a C++ source with every file's bytes; YAML becomes JSON.
 
+Where the page says `<!-- modules -->` stand links that fetch every module at once: else a browser finds them one
+import after the other.
+
 usage: embed.py OUT.cpp FILE...
 """
 import json
@@ -16,7 +19,10 @@ CONTENT_TYPES = {
 }
 
 
-def content_of(path):
+def content_of(path, modules):
+    if path.suffix == ".html":
+        links = "\n".join(f'<link rel="modulepreload" href="/web/{name}">' for name in modules)
+        return path.name, path.read_bytes().replace(b"<!-- modules -->", links.encode())
     if path.suffix != ".yaml":
         return path.name, path.read_bytes()
     import yaml
@@ -37,7 +43,8 @@ def entry(number, name):
 
 def main():
     out, *files = (pathlib.Path(argument) for argument in sys.argv[1:])
-    contents = [content_of(path) for path in files]
+    modules = [path.name for path in files if path.suffix == ".js" and not path.name.endswith(".min.js")]
+    contents = [content_of(path, modules) for path in files]
     out.write_text(
         '#include "server/http/assets.h"\n\nnamespace valvetriage::http {\nnamespace {\n\n'
         + "".join(array(i, content) for i, (_, content) in enumerate(contents))

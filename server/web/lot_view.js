@@ -211,5 +211,7 @@ export async function showLot({ argument, parameters, signal }) {
     section("Sizes of the causes", sizes.node),
     section("Patterns that no cause explains", patterns.node),
     section("Valves", valveTable(history)));
-  return { node, title: `Lot ${argument}`, shown: () => [sizes, patterns].forEach((part) => part.shown()) };
+  return { node, title: `Lot ${argument}`,
+    // What has to be read from many analyses waits until the rest is drawn.
+    shown: () => requestAnimationFrame(() => setTimeout(() => !signal.aborted && [sizes, patterns].forEach((part) => part.shown()))) };
 }

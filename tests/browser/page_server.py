@@ -34,6 +34,9 @@ class Server:
         self._port = int(self._process.stdout.readline())
         self.url = f"http://127.0.0.1:{self._port}"
 
+    def pid(self):
+        return self._process.pid
+
     def kill(self):
         self._process.kill()
         self._process.wait()

@@ -87,6 +87,19 @@ TEST_F(HttpLot, RaisesAnAlarmWhereValvesInARowShareACauseOfTheStand) {
   EXPECT_EQ(get("/v1/lots/lot-1/history")["valves"][0]["stand"], "stand-3");
 }
 
+TEST_F(HttpLot, TellsItsHistoryWhateverItsLabelsHold) {
+  send("a\"b\\c<img>", "unexplained", "stand \"ü\"");
+  send("EFC-2", "named friction");
+  const Json valves = get("/v1/lots/lot-1/history")["valves"];
+  ASSERT_EQ(valves.size(), 2u);
+  EXPECT_EQ(valves[0]["serial"], "a\"b\\c<img>");
+  EXPECT_EQ(valves[0]["stand"], "stand \"ü\"");
+  EXPECT_EQ(valves[0]["top_cause"], nullptr);
+  EXPECT_EQ(valves[1]["top_cause"], "friction");
+  EXPECT_EQ(valves[1]["top_cause_probability"], 0.98);
+  EXPECT_EQ(valves[1]["errors"], (Json::array({Json{{"level_A", 1.4}, {"error_eq20", 2.5}}})));
+}
+
 TEST_F(HttpLot, IsComparedWithAnotherAndWithAStand) {
   send("EFC-1", "named friction");
   send("EFC-2", "named friction");
