@@ -57,8 +57,8 @@ TEST(LotHistory, TakesLevelsAFewMilliamperesApartAsOne) {
   rows[2].summary.errors.push_back({.level_a = 1.6, .error_eq20 = 7});
   const LotHistory history = lot_history(rows);
   ASSERT_EQ(history.levels.size(), 2u);
-  EXPECT_EQ(history.levels[0].level_a, 1.4);
-  EXPECT_EQ(history.levels[0].errors, (std::vector<double>{1, 2, 3}));
+  EXPECT_EQ(history.levels.begin()->first, 1.4);
+  EXPECT_EQ(history.levels.begin()->second.values, (std::vector<double>{1, 2, 3}));
   EXPECT_EQ(history.valves[1].summary.errors[0].level_a, 1.4);
 }
 
