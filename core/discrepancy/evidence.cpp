@@ -55,8 +55,10 @@ double consistent_evidence(const Stack& before, const Stack& after, double reduc
     }
     scatter = std::max(scatter, squares);
   }
+  const double of_samples = scatter > 0 ? weight * energy * energy / scatter : 0;
   const double owed_to_prior = std::max(0.0, reduction - weight * std::max(0.0, closed));
-  return (scatter > 0 ? weight * energy * energy / scatter : 0) + owed_to_prior;
+  if (owed_to_prior <= of_samples) return of_samples + owed_to_prior;
+  return reduction * reduction / (weight * scatter + std::max(0.0, reduction - weight * energy));
 }
 
 Contrast contrast(const Stack& winner, const Stack& rival) {

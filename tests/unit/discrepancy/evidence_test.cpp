@@ -40,14 +40,21 @@ Stack with_signature(Stack after, double size) {
 TEST(Evidence, InWhiteNoiseASignatureIsWorthItsEnergy) {
   const Stack after = noise(0, 4);
   const double energy = 800 * 0.5 * 0.5;
-  EXPECT_NEAR(consistent_evidence(with_signature(after, 0.5), after, 0, 1), energy, 0.3 * energy);
+  EXPECT_NEAR(consistent_evidence(with_signature(after, 0.5), after, energy, 1), energy, 0.3 * energy);
 }
 
 TEST(Evidence, WhereTheNoiseIsLoudJustThereASignatureIsWorthLess) {
   Stack after = noise(0, 4);
   for (Eigen::Index i = 0; i < after[0].size(); ++i) after[0](i) *= i % 200 < 20 ? 5 : 1;
   const double energy = 800 * 0.5 * 0.5;
-  EXPECT_NEAR(consistent_evidence(with_signature(after, 0.5), after, 0, 1), energy / 25, 0.4 * energy / 25);
+  EXPECT_NEAR(consistent_evidence(with_signature(after, 0.5), after, energy, 1), energy / 25, 0.4 * energy / 25);
+}
+
+TEST(Evidence, ThePriorDoesNotVouchForASignatureThatLoudNoiseCouldMake) {
+  Stack after = noise(0, 4);
+  for (Eigen::Index i = 0; i < after[0].size(); ++i) after[0](i) *= i % 200 < 20 ? 5 : 1;
+  const double energy = 800 * 0.5 * 0.5;
+  EXPECT_LT(consistent_evidence(with_signature(after, 0.5), after, 1.2 * energy, 1), 0.1 * energy);
 }
 
 TEST(Evidence, WhatTheReductionOwesToThePriorHasNoNoiseInIt) {
