@@ -372,6 +372,8 @@ Result<Analysis> analyze(std::span<const Recording> recordings, const AnalysisOp
   if (all_in_valve_units(recordings)) {
     analysis.simulation.by_level = figures_by_level(recordings, *runs, analysis.baseline, analysis.simulation.window);
   }
+  analysis.frequency_response = analyze_frequency(recordings);
+  analysis.simulation.cross_domain_rmse = cross_domain_rmse(recordings, analysis.frequency_response);
   add_bandwidths(analysis.frequency_response, analysis.simulation.by_level);
   const auto classified = [&](std::span<const LevelFigures> by_level) {
     return classify_valve({.by_level = by_level,
@@ -392,8 +394,6 @@ Result<Analysis> analyze(std::span<const Recording> recordings, const AnalysisOp
       analysis.classification.without_stand_causes = classified(by_level).verdict;
     }
   }
-  analysis.frequency_response = analyze_frequency(recordings);
-  analysis.simulation.cross_domain_rmse = cross_domain_rmse(recordings, analysis.frequency_response);
   analysis.simulated = std::move(runs->baseline);
   analysis.extended = std::move(runs->extended);
   if (analysis.baseline.kind != BaselineKind::kReference) diagnose_self(recordings, analysis);

@@ -43,8 +43,6 @@ export async function showLots({ parameters, signal }) {
   return { node, title: "Lots" };
 }
 
-/// Bars of the settled causes, most frequent first, with the share that all down to here make together; what is not
-/// settled or not explained stands apart, for it is no cause.
 /// How many of the named causes are expected to be another one: the sum of what is missing to certainty.
 export function expectedFalse(valves) {
   return valves.filter((v) => v.conclusion === "named").reduce((sum, v) => sum + 1 - (v.top_cause_probability ?? 0), 0);
@@ -58,6 +56,8 @@ function falseNames(valves) {
   return el("p", { class: "small" }, `Of ${named} ${named === 1 ? "name" : "names"}, ${text} ${expected < 0.1 || expected > 1 ? "are" : "is"} expected to be false, by the probabilities they were given.`);
 }
 
+/// Bars of the settled causes, most frequent first, with the share that all down to here make together; what is not
+/// settled or not explained stands apart, for it is no cause.
 function pareto(lot, valves) {
   const tally = new Map();
   for (const valve of valves.filter((v) => v.conclusion === "named")) tally.set(valve.top_cause, (tally.get(valve.top_cause) ?? 0) + 1);

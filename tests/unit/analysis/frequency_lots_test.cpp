@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <map>
 
+#include "core/analysis/analyze.h"
 #include "core/analysis/frequency_analysis.h"
 #include "core/classify/learn.h"
 #include "core/recording/prepare.h"
@@ -17,16 +18,22 @@ namespace {
 
 constexpr double kLevel_a = 1.6;  // in the middle of the stand's sweep
 
-/// The sweep of one valve of the stand; lag_s > 0 is a second chamber before its gauge.
-FrequencyResult sweep_of_valve(std::uint64_t unit, double lag_s) {
+/// Recordings of one valve of the stand; lag_s > 0 is a second chamber before its gauge.
+std::vector<Recording> recordings_of_valve(std::uint64_t unit, double lag_s, std::vector<std::string> tests) {
   stand::SessionOptions options;
-  options.tests = {"sweep"};
+  options.tests = std::move(tests);
   options.unit_seed = options.noise_seed = unit;
   if (lag_s > 0) options.effects = {{"extra_lag", lag_s}};
-  const stand::Session session = stand::run_session(options);
-  const auto raw = parse_text(stand::recording_csv(options, session.recordings.front())).value();
-  const std::vector<Recording> one{prepare_recording(raw, {}).value()};
-  return analyze_frequency(one).at(0);
+  std::vector<Recording> recordings;
+  for (const stand::StandRecording& played : stand::run_session(options).recordings) {
+    const auto raw = parse_text(stand::recording_csv(options, played)).value();
+    recordings.push_back(prepare_recording(raw, {}).value());
+  }
+  return recordings;
+}
+
+FrequencyResult sweep_of_valve(std::uint64_t unit, double lag_s) {
+  return analyze_frequency(recordings_of_valve(unit, lag_s, {"sweep"})).at(0);
 }
 
 using Lot = std::vector<FrequencyResult>;
@@ -79,6 +86,20 @@ TEST(FrequencyLots, ReturnedValvesDecayFirstThenPrototypesThenGoodOnes) {
     EXPECT_GT(separation(of_returned, of_prototype), 0.6) << name;
     EXPECT_GT(separation(of_prototype, of_good), 0.6) << name;
   }
+}
+
+TEST(FrequencyLots, AnAnalysisGivesTheBandwidthBesideTheLevelsThatTheSweepCovers) {
+  const auto session = recordings_of_valve(1, 0, {"steps", "sweep"});
+  const auto analysis = analyze(session, {.baseline = BaselineKind::kPaper});
+  ASSERT_TRUE(analysis) << analysis.error().message;
+  ASSERT_FALSE(analysis->simulation.by_level.empty());
+  ASSERT_EQ(analysis->frequency_response.size(), 1u);
+  bool any_covered = false, any_not = false;
+  for (const LevelFigures& level : analysis->simulation.by_level) {
+    EXPECT_EQ(level.bandwidth_hz, bandwidth_at(analysis->frequency_response, level.level_a)) << level.level_a;
+    (level.bandwidth_hz ? any_covered : any_not) = true;
+  }
+  EXPECT_TRUE(any_covered && any_not);
 }
 
 TEST(FrequencyLots, ARuleBaseLearnsFromTheBandwidthWhereTheErrorTellsNothing) {
