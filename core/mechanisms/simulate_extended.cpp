@@ -111,6 +111,32 @@ LawContext common_context(const Model& model, const Surroundings& around) {
   return context;
 }
 
+/// Where in a law's parameters its memory at the start of a recording stands.
+std::optional<std::size_t> memory_at(const Law& law) {
+  const auto& parameters = law.mechanism->parameters;
+  const auto found =
+      std::find_if(parameters.begin(), parameters.end(), [](const auto& p) { return p.name == "memory"; });
+  if (found == parameters.end()) return std::nullopt;
+  return static_cast<std::size_t>(found - parameters.begin());
+}
+
+LawMemories memories_of(std::span<const Law> laws) {
+  LawMemories memories;
+  for (const Law& law : laws) {
+    if (const auto at = memory_at(law)) memories.push_back(law.parameters[*at]);
+  }
+  return memories;
+}
+
+std::vector<Law> with_memories(std::span<const Law> laws, const LawMemories& memories) {
+  std::vector<Law> changed(laws.begin(), laws.end());
+  auto memory = memories.begin();
+  for (Law& law : changed) {
+    if (const auto at = memory_at(law)) law.parameters[*at] = *memory++;
+  }
+  return changed;
+}
+
 void run_laws(std::span<const Law> laws, Place place, const LawContext& context, std::span<double> signal) {
   for (const Law& law : laws) {
     if (law.mechanism->place == place && law.mechanism->apply) {
@@ -129,17 +155,25 @@ std::vector<Law> signal_laws_of(const Model& model, std::vector<Law> laws) {
   return laws;
 }
 
-IntervalSignal behind_input_laws(const IntervalSignal& input, std::span<const Law> laws, LawContext context,
-                                 double sample_period_s) {
-  if (!any_at(laws, Place::kInput)) return input;
-  std::vector<double> signal = interleaved(input);
-  const std::vector<double> driver = interleaved_driver(input);
-  const std::vector<double> stamps = interleaved_stamps(input.start.size(), sample_period_s);
-  context.time_s = stamps;
-  context.driver = driver;
-  run_laws(laws, Place::kInput, context, signal);
-  return intervals(signal);
-}
+/// An input between samples as the laws on it see it.
+class LawInput {
+ public:
+  LawInput(const IntervalSignal& input, double sample_period_s)
+      : signal_(interleaved(input)),
+        driver_(interleaved_driver(input)),
+        stamps_(interleaved_stamps(input.start.size(), sample_period_s)) {}
+
+  IntervalSignal behind(std::span<const Law> laws, LawContext context, std::size_t samples) const {
+    std::vector<double> signal(signal_.begin(), signal_.begin() + static_cast<std::ptrdiff_t>(2 * samples));
+    context.time_s = std::span(stamps_).first(2 * samples);
+    context.driver = std::span(driver_).first(2 * samples);
+    run_laws(laws, Place::kInput, context, signal);
+    return intervals(signal);
+  }
+
+ private:
+  std::vector<double> signal_, driver_, stamps_;
+};
 
 Result<std::vector<double>> run(const Model& model, const IntervalSignal& input, double sample_period_s,
                                 std::span<const double> measured, const InitialState& initial, Horizon horizon,
@@ -168,13 +202,13 @@ Result<std::vector<double>> run(const Model& model, const IntervalSignal& input,
     context.input_middle = model.input_offset;
   }
 
-  SignalLaws signal_laws;
+  SignalLaws signal_laws{.memories = memories_of(*laws)};
   if (any_at(*laws, Place::kPosition)) {
     // The position of a linear model is its output over its static gain, about the operating point.
     const double offset = model.map ? 0 : model.input_offset;
-    signal_laws.at_position = [&, gain, offset](std::span<double> x) {
+    signal_laws.at_position = [&, gain, offset](const LawMemories& memories, std::span<double> x) {
       for (double& value : x) value = value / gain + offset;
-      run_laws(*laws, Place::kPosition, context, x);
+      run_laws(with_memories(*laws, memories), Place::kPosition, context, x);
       for (double& value : x) value = (value - offset) * gain;
     };
   }
@@ -191,8 +225,14 @@ Result<std::vector<double>> run(const Model& model, const IntervalSignal& input,
     };
   }
   if (model.loop) signal_laws.loop_gate = loop_gate(input);
-  const IntervalSignal moved = behind_input_laws(input, signal_laws_of(model, *laws), context, sample_period_s);
-  return free_run(*changed, signal_laws, moved, sample_period_s, measured, initial, horizon);
+  std::optional<LawInput> law_input;
+  if (any_at(signal_laws_of(model, *laws), Place::kInput)) {
+    law_input.emplace(input, sample_period_s);
+    signal_laws.at_input = [&](const LawMemories& memories, std::size_t samples) {
+      return law_input->behind(signal_laws_of(model, with_memories(*laws, memories)), context, samples);
+    };
+  }
+  return free_run(*changed, signal_laws, input, sample_period_s, measured, initial, horizon);
 }
 
 }  // namespace

@@ -10,11 +10,18 @@
 
 namespace valvetriage {
 
+/// Where the memories of a run's laws begin, from −1 to 1 each; the state of one recording, not of the valve.
+using LawMemories = std::vector<double>;
+
 /// What acts on the signals of a free run beside the model's own blocks; nothing by default. Each changes its signal in
 /// place and may be called several times, on the first samples only (an initial state is being found) or on all.
 struct SignalLaws {
-  std::function<void(std::span<double> position)> at_position;  ///< behind G, before the map
-  std::function<void(std::span<double> steady)> at_steady;      ///< behind the map, before the volume
+  LawMemories memories;  ///< as the model has them; found anew where measured outputs set the initial state
+  /// the first samples of the input behind the laws on it
+  std::function<IntervalSignal(const LawMemories&, std::size_t samples)> at_input;
+  /// behind G, before the map
+  std::function<void(const LawMemories&, std::span<double> position)> at_position;
+  std::function<void(std::span<double> steady)> at_steady;  ///< behind the map, before the volume
   /// behind everything; `steady` is what entered the volume
   std::function<void(std::span<const double> steady, std::span<double> output)> at_output;
   /// of the loop's driver: that of the input before a law moved it; empty: that of the input given

@@ -41,89 +41,232 @@ Result<void> require_stable(const TransferFunction& g) {
                           pole_text(worst), std::abs(worst)));
 }
 
-/// What enters G: the loop's output for a valve, the input about its operating point otherwise.
-IntervalSignal driving_signal(const Model& model, const IntervalSignal& input, std::optional<double> gate) {
-  IntervalSignal signal =
-      model.loop ? model.loop->apply(input, loop_driver(input, gate ? *gate : loop_gate(input))) : input;
-  for (std::vector<double>* side : {&signal.start, &signal.end}) {
-    for (double& u : *side) u -= model.input_offset;
-  }
-  return signal;
-}
-
-/// Where a free run starts: the states of G, and how far the volume is from its steady pressure.
+/// Where a free run starts, beside rest at the first input.
 struct StartState {
-  FilterState filter;
-  double volume_gap = 0;
+  std::vector<double> moved;  ///< states of G, from rest
+  double volume_gap = 0;      ///< of the volume from its steady pressure
+  double memory = 0;          ///< of the loop and the friction
+  LawMemories memories;
 };
 
 /// Friction's part in the response of a spool, a pair of poles and perhaps a lag: what the sliding spool does beside
 /// the free one.
 void slide(const SpoolFriction& friction, const TransferFunction& g, const LinearFilter& filter,
-           const IntervalSignal& v, double sample_period_s, std::span<double> y) {
+           const IntervalSignal& v, double memory, double sample_period_s, std::span<double> y) {
   const auto spool = to_valve_dynamics(g);
   if (!spool || spool->lag_s.size() > 1) return;
   FilterState rest = filter.steady(v.start.front()).value_or(filter.rest());
   rest.past = v.start.front();
   std::vector<double> free(y.size()), sliding(y.size());
   filter.run(rest, std::span(v.start).first(y.size()), std::span(v.end).first(y.size()), free);
-  run_sliding_spool(*spool, friction, sample_period_s, v, 0, sliding);
+  run_sliding_spool(*spool, friction, sample_period_s, v, memory, sliding);
   for (std::size_t i = 0; i < y.size(); ++i) y[i] += sliding[i] - free[i];
 }
 
-/// The response from a state on, as many samples as `y` has.
-void respond(const Model& model, const SignalLaws& laws, const LinearFilter& filter, const IntervalSignal& v,
-             StartState from, double sample_period_s, std::span<double> y) {
-  filter.run(from.filter, std::span(v.start).first(y.size()), std::span(v.end).first(y.size()), y);
-  if (model.friction && !y.empty()) slide(*model.friction, model.dynamics, filter, v, sample_period_s, y);
-  if (laws.at_position) laws.at_position(y);
-  if (model.map) model.map->apply(y);
-  if (laws.at_steady) laws.at_steady(y);
-  std::vector<double> steady;
-  if (laws.at_output) steady.assign(y.begin(), y.end());
-  if (model.volume && !y.empty()) {
-    const double first_psi = settled_psi(*model.volume, y[0]) + from.volume_gap;
-    run_volume(*model.volume, sample_period_s, first_psi, y, y);
-  }
-  for (double& value : y) value += model.output_offset;
-  if (laws.at_output) laws.at_output(steady, y);
-}
+/// A model with its laws in one recording, ready to run from any state.
+class FreeRun {
+ public:
+  FreeRun(const Model& model, const SignalLaws& laws, const LinearFilter& filter, const IntervalSignal& input,
+          double sample_period_s)
+      : model_(model), laws_(laws), filter_(filter), input_(input), sample_period_s_(sample_period_s) {}
 
-/// Moves `start` by least squares towards the first measured outputs; the smallest move where they do not determine it.
-/// Exact in one step for a linear model, Gauss-Newton for a valve.
-void fit_start(const Model& model, const SignalLaws& laws, const LinearFilter& filter, const IntervalSignal& v,
-               std::span<const double> measured, double sample_period_s, StartState& start) {
-  const std::size_t samples = std::min(measured.size(), v.start.size());
-  const auto order = static_cast<Index>(filter.order());
-  const Index states = order + (model.volume ? 1 : 0);
-  if (samples == 0 || states == 0) return;
-  const auto moved = [&](StartState from, const Eigen::VectorXd& by) {
-    for (Index j = 0; j < order; ++j) from.filter.x[static_cast<std::size_t>(j)] += by[j];
-    if (model.volume) from.volume_gap += by[order];
+  StartState at_rest() const {
+    return {.moved = std::vector<double>(filter_.order()),
+            .memory = model_.loop ? model_.loop->memory : 0,
+            .memories = laws_.memories};
+  }
+
+  /// The response from a state on, as many samples as `y` has.
+  void respond(const StartState& from, std::span<double> y) const {
+    const IntervalSignal v = driving_signal(from, y.size());
+    FilterState state = filter_.steady(v.start.front()).value_or(filter_.rest());
+    state.past = v.start.front();
+    for (std::size_t j = 0; j < from.moved.size(); ++j) state.x[j] += from.moved[j];
+    filter_.run(state, v.start, v.end, y);
+    if (model_.friction) slide(*model_.friction, model_.dynamics, filter_, v, from.memory, sample_period_s_, y);
+    if (laws_.at_position) laws_.at_position(from.memories, y);
+    if (model_.map) model_.map->apply(y);
+    if (laws_.at_steady) laws_.at_steady(y);
+    std::vector<double> steady;
+    if (laws_.at_output) steady.assign(y.begin(), y.end());
+    if (model_.volume) {
+      const double first_psi = settled_psi(*model_.volume, y[0]) + from.volume_gap;
+      run_volume(*model_.volume, sample_period_s_, first_psi, y, y);
+    }
+    for (double& value : y) value += model_.output_offset;
+    if (laws_.at_output) laws_.at_output(steady, y);
+  }
+
+  /// The start from which the first outputs are nearest to the measured ones in least squares; the smallest move from
+  /// rest where they do not determine it. Exact in one step for a linear model. For a valve, whose map bends and whose
+  /// memories end, Levenberg-Marquardt: a step is taken where it comes nearer, for the spool's states and the volume's
+  /// look alike and a free step between them runs away.
+  StartState start_towards(std::span<const double> measured) const {
+    constexpr int kMostSteps = 20;
+    constexpr double kLeastGain = 1e-4;  // of the squared error
+    StartState start = at_rest();
+    const std::size_t samples = std::min(measured.size(), input_.start.size());
+    const auto unknowns = static_cast<Index>(probes(start).size());
+    if (samples == 0 || unknowns == 0) return start;
+    look_around(measured, start);
+    std::vector<double> response = response_from(start, samples);
+    Eigen::VectorXd gap = gap_to(measured, response);
+    double damping = 1e-3;
+    for (int step = 0; step < kMostSteps; ++step) {
+      const Eigen::MatrixXd columns = effects(start, measured, response);
+      // States differ by powers of the sampling rate: compare their effects on the output, not their numbers.
+      const Eigen::VectorXd scale = columns.colwise().norm().cwiseMax(std::numeric_limits<double>::min());
+      const Eigen::MatrixXd scaled = columns * scale.cwiseInverse().asDiagonal();
+      if (!is_bent()) return moved(start, scaled.completeOrthogonalDecomposition().solve(gap).cwiseQuotient(scale));
+      const double before = gap.squaredNorm();
+      double gained = 0;
+      for (; damping < 1e6; damping *= 10) {
+        const Eigen::VectorXd by = bounded_step(start, scaled, scale, gap, damping);
+        StartState tried = moved(start, by);
+        std::vector<double> reached = response_from(tried, samples);
+        const Eigen::VectorXd left = gap_to(measured, reached);
+        gained = before - left.squaredNorm();
+        if (!(gained > 0)) continue;
+        start = std::move(tried);
+        response = std::move(reached);
+        gap = left;
+        damping /= 10;
+        break;
+      }
+      if (!(gained > kLeastGain * before)) break;
+    }
+    return start;
+  }
+
+ private:
+  bool is_bent() const { return model_.map || laws_.at_position || laws_.at_output || !laws_.memories.empty(); }
+  bool has_memory() const { return model_.loop || model_.friction; }
+
+  /// What enters G: the loop's output for a valve, the input about its operating point otherwise.
+  IntervalSignal driving_signal(const StartState& from, std::size_t samples) const {
+    IntervalSignal signal;
+    if (laws_.at_input) {
+      signal = laws_.at_input(from.memories, samples);
+    } else {
+      const auto count = static_cast<std::ptrdiff_t>(samples);
+      signal.start.assign(input_.start.begin(), input_.start.begin() + count);
+      signal.end.assign(input_.end.begin(), input_.end.begin() + count);
+    }
+    if (model_.loop) {
+      MagneticLoop loop = *model_.loop;
+      loop.memory = from.memory;
+      signal = loop.apply(signal, loop_driver(signal, laws_.loop_gate.value_or(own_gate_)));
+    }
+    for (std::vector<double>* side : {&signal.start, &signal.end}) {
+      for (double& u : *side) u -= model_.input_offset;
+    }
+    return signal;
+  }
+
+  /// How far each unknown of a start is moved to see what it does: for a valve little [A], for it is nearly linear
+  /// there; a memory towards its middle, for it ends at one.
+  std::vector<double> probes(const StartState& start) const {
+    const auto inwards = [](double memory) { return memory > 0 ? -0.01 : 0.01; };
+    std::vector<double> probes(filter_.order(), is_bent() ? 1e-5 : 1.0);
+    if (model_.volume) probes.push_back(1);
+    if (has_memory()) probes.push_back(inwards(start.memory));
+    for (const double memory : start.memories) probes.push_back(inwards(memory));
+    return probes;
+  }
+
+  /// The damped step towards the gap within the ends of the memories: one that would pass its end stops there, and the
+  /// others make up for it.
+  Eigen::VectorXd bounded_step(const StartState& start, const Eigen::MatrixXd& scaled, const Eigen::VectorXd& scale,
+                               const Eigen::VectorXd& gap, double damping) const {
+    const Index unknowns = scaled.cols();
+    std::vector<double> memories = start.memories;
+    if (has_memory()) memories.insert(memories.begin(), start.memory);
+    const Index first_memory = unknowns - static_cast<Index>(memories.size());
+    Eigen::MatrixXd free = scaled;
+    Eigen::VectorXd stopped = Eigen::VectorXd::Zero(unknowns);
+    while (true) {
+      const Eigen::MatrixXd damped = free.transpose() * free + damping * Eigen::MatrixXd::Identity(unknowns, unknowns);
+      const Eigen::VectorXd left = gap - scaled * stopped.cwiseProduct(scale);
+      const Eigen::VectorXd by = stopped + damped.ldlt().solve(free.transpose() * left).cwiseQuotient(scale);
+      bool passes = false;
+      for (Index j = first_memory; j < unknowns; ++j) {
+        const double memory = memories[static_cast<std::size_t>(j - first_memory)];
+        if (free.col(j).isZero(0) || std::abs(memory + by[j]) <= 1) continue;
+        stopped[j] = std::copysign(1.0, by[j]) - memory;
+        free.col(j).setZero();
+        passes = true;
+      }
+      if (!passes) return by;
+    }
+  }
+
+  StartState moved(StartState from, const Eigen::VectorXd& by) const {
+    Index at = 0;
+    for (double& state : from.moved) state += by[at++];
+    if (model_.volume) from.volume_gap += by[at++];
+    if (has_memory()) from.memory = std::clamp(from.memory + by[at++], -1.0, 1.0);
+    for (double& memory : from.memories) memory = std::clamp(memory + by[at++], -1.0, 1.0);
     return from;
-  };
-  std::vector<double> response(samples), shifted(samples);
-  const bool bent = model.map || laws.at_position || laws.at_output;
-  const int iterations = bent ? 6 : 1;
-  for (int iteration = 0; iteration < iterations; ++iteration) {
-    respond(model, laws, filter, v, start, sample_period_s, response);
-    Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(static_cast<Index>(samples), states);
-    Eigen::VectorXd gap = Eigen::VectorXd::Zero(static_cast<Index>(samples));
-    for (Index j = 0; j < states; ++j) {
-      const double probe = bent && j < order ? 1e-5 : 1.0;  // [A] of the map's input; a valve is nearly linear there
-      respond(model, laws, filter, v, moved(start, probe * Eigen::VectorXd::Unit(states, j)), sample_period_s, shifted);
-      for (std::size_t i = 0; i < samples; ++i) {
-        if (!std::isfinite(measured[i])) continue;
-        gap[static_cast<Index>(i)] = measured[i] - response[i];
-        columns(static_cast<Index>(i), j) = (shifted[i] - response[i]) / probe;
+  }
+
+  std::vector<double> response_from(const StartState& from, std::size_t samples) const {
+    std::vector<double> response(samples);
+    respond(from, response);
+    return response;
+  }
+
+  /// Measured − response, 0 where nothing was measured.
+  static Eigen::VectorXd gap_to(std::span<const double> measured, std::span<const double> response) {
+    Eigen::VectorXd gap = Eigen::VectorXd::Zero(static_cast<Index>(response.size()));
+    for (std::size_t i = 0; i < response.size(); ++i) {
+      if (std::isfinite(measured[i])) gap[static_cast<Index>(i)] = measured[i] - response[i];
+    }
+    return gap;
+  }
+
+  /// Each memory in turn at the best of a few places between its ends: inside a play nothing small shows an effect.
+  void look_around(std::span<const double> measured, StartState& start) const {
+    std::vector<double*> memories;
+    if (has_memory()) memories.push_back(&start.memory);
+    for (double& memory : start.memories) memories.push_back(&memory);
+    for (double* memory : memories) {
+      double nearest = std::numeric_limits<double>::infinity(), best = *memory;
+      for (const double place : {*memory, -1.0, -0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0}) {
+        *memory = place;
+        const std::size_t samples = std::min(measured.size(), input_.start.size());
+        const double squares = gap_to(measured, response_from(start, samples)).squaredNorm();
+        if (!(squares < nearest)) continue;
+        nearest = squares;
+        best = place;
+      }
+      *memory = best;
+    }
+  }
+
+  /// What each unknown of a start does to the first outputs, per unit; 0 where nothing was measured.
+  Eigen::MatrixXd effects(const StartState& start, std::span<const double> measured,
+                          std::span<const double> response) const {
+    const std::vector<double> probe = probes(start);
+    Eigen::MatrixXd columns =
+        Eigen::MatrixXd::Zero(static_cast<Index>(response.size()), static_cast<Index>(probe.size()));
+    for (Index j = 0; j < columns.cols(); ++j) {
+      const double way = probe[static_cast<std::size_t>(j)];
+      const StartState shifted = moved(start, way * Eigen::VectorXd::Unit(columns.cols(), j));
+      const std::vector<double> there = response_from(shifted, response.size());
+      for (std::size_t i = 0; i < response.size(); ++i) {
+        if (std::isfinite(measured[i])) columns(static_cast<Index>(i), j) = (there[i] - response[i]) / way;
       }
     }
-    // States differ by powers of the sampling rate: compare their effects on the output, not their numbers.
-    const Eigen::VectorXd scale = columns.colwise().norm().cwiseMax(std::numeric_limits<double>::min());
-    const Eigen::MatrixXd scaled = columns * scale.cwiseInverse().asDiagonal();
-    start = moved(start, scaled.completeOrthogonalDecomposition().solve(gap).cwiseQuotient(scale));
+    return columns;
   }
-}
+
+  const Model& model_;
+  const SignalLaws& laws_;
+  const LinearFilter& filter_;
+  const IntervalSignal& input_;
+  double sample_period_s_;
+  double own_gate_ = model_.loop && !laws_.loop_gate ? loop_gate(input_) : 0;
+};
 
 /// Values at times i · from_period, straight between them, read at times j · to_period.
 std::vector<double> read_at(std::span<const double> values, double from_period, double to_period, std::size_t count) {
@@ -209,15 +352,11 @@ Result<std::vector<double>> free_run(const Model& model, const SignalLaws& laws,
   if (!filter) return tl::unexpected(filter.error());
   if (input.start.empty()) return std::vector<double>{};
 
-  const IntervalSignal v = driving_signal(model, input, laws.loop_gate);
-  StartState start{.filter = filter->steady(v.start.front()).value_or(filter->rest())};
-  start.filter.past = v.start.front();
-  if (initial.kind == InitialState::Kind::kMeasured) {
-    const auto first = measured.first(std::min(initial.samples, measured.size()));
-    fit_start(model, laws, *filter, v, first, sample_period_s, start);
-  }
-  std::vector<double> y(v.start.size());
-  respond(model, laws, *filter, v, start, sample_period_s, y);
+  const FreeRun run(model, laws, *filter, input, sample_period_s);
+  const bool measured_start = initial.kind == InitialState::Kind::kMeasured;
+  const auto first = measured.first(measured_start ? std::min(initial.samples, measured.size()) : 0);
+  std::vector<double> y(input.start.size());
+  run.respond(run.start_towards(first), y);
   for (std::size_t i = 0; i < y.size(); ++i) {
     if (!std::isfinite(y[i])) {
       return fail("overflow", fmt::format("the simulation leaves the range of numbers at sample {}", i));

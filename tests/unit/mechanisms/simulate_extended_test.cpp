@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <random>
 
 #include "tests/unit/mechanisms/example.h"
 
@@ -143,6 +144,52 @@ TEST(SimulateExtended, TakesItsStartFromMeasuredOutputsThroughTheLaws) {
   ASSERT_TRUE(y.has_value());
   // The loop's memory is not part of the state: its 4 mA are what may be left of the start.
   EXPECT_LT(std::abs((*y)[39] - tail.output.values[39]), 4);
+}
+
+/// The outputs of a model that begins with other memories, as a gauge with noise reads them.
+Recording recorded(const Model& model) {
+  Recording r = motion();
+  r.output.values = run(model);
+  std::mt19937 random(7);
+  std::normal_distribution<double> noise(0, 0.35);
+  for (double& y : r.output.values) y += noise(random);
+  return r;
+}
+
+constexpr InitialState kFirstSecond{.kind = InitialState::Kind::kMeasured, .samples = 200};
+
+TEST(SimulateExtended, AStartFoundInNoiseStaysWhereTheValveIs) {
+  const Model model = valve();
+  const auto y = simulate_extended(model, recorded(model), kFirstSecond);
+  ASSERT_TRUE(y);
+  EXPECT_LT(largest_gap(*y, run(model)), 0.7);
+}
+
+TEST(SimulateExtended, FindsTheMagneticMemoryInTheFirstMeasuredOutputs) {
+  Model before = valve();
+  before.loop = MagneticLoop{.width_a = 0.02, .memory = -0.8};
+  Model model = before;
+  model.loop->memory = 0;
+  const auto y = simulate_extended(model, recorded(before), kFirstSecond);
+  ASSERT_TRUE(y);
+  const double unknown = largest_gap(run(model), run(before));
+  EXPECT_GT(unknown, 2);
+  EXPECT_LT(largest_gap(*y, run(before)), 0.25 * unknown);
+}
+
+TEST(SimulateExtended, FindsTheMemoryOfACauseInTheFirstMeasuredOutputs) {
+  for (const auto& [cause, parameters] : std::vector<std::pair<std::string, std::vector<double>>>{
+           {"hysteresis", {0.05, 0.1, 0.7}}, {"backlash", {0.03, -0.9}}}) {
+    const Model before = with(valve(), cause, parameters);
+    std::vector<double> forgotten = parameters;
+    forgotten.back() = 0;
+    const Model model = with(valve(), cause, forgotten);
+    const auto y = simulate_extended(model, recorded(before), kFirstSecond);
+    ASSERT_TRUE(y) << cause;
+    const double unknown = largest_gap(run(model), run(before));
+    EXPECT_GT(unknown, 2) << cause;
+    EXPECT_LT(largest_gap(*y, run(before)), 0.25 * unknown) << cause;
+  }
 }
 
 }  // namespace
