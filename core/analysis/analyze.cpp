@@ -11,6 +11,7 @@
 #include "core/discrepancy/machine.h"
 #include "core/discrepancy/valve_diagnosis.h"
 #include "core/identify/baseline.h"
+#include "core/identify/knot_curve.h"
 #include "core/identify/valve_fit.h"
 #include "core/mechanisms/simulate_extended.h"
 #include "core/recording/intersample.h"
@@ -156,7 +157,7 @@ Result<FreeRuns> run_reference(std::span<const Recording> recordings, Analysis& 
   options.usual = usual_mechanisms(reference.model);
   auto fit = fit_valve(kept, options);
   if (!fit) return tl::unexpected(fit.error());
-  analysis.baseline.model = to_model(fit->parameters, fit->map, options.usual);
+  analysis.baseline.model = to_model(fit->parameters, KnotCurve(options.knots).through(fit->map.output), options.usual);
 
   FreeRuns runs;
   // A reference learned without the engine's survey of its valves has no scale to name a cause by.

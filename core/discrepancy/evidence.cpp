@@ -16,6 +16,7 @@ using Eigen::Index;
 constexpr std::array<Index, 4> kBlocks{1, 4, 16, 64};
 constexpr std::array<Index, 5> kScoreBlocks{1, 4, 16, 64, 256};
 constexpr Index kGroupBlock = 16;
+constexpr double kBystanders = 0.2;
 constexpr int kFewestBlocks = 12;
 
 }  // namespace
@@ -57,6 +58,9 @@ double consistent_evidence(const Stack& before, const Stack& after, double reduc
   }
   const double of_samples = scatter > 0 ? weight * energy * energy / scatter : 0;
   const double owed_to_prior = std::max(0.0, reduction - weight * std::max(0.0, closed));
+  // The samples hardly change: the law does what the valve's own parameters did, and only their distance from good
+  // valves' speaks for it. How far that scatters, with whatever the simulation gets wrong, the good valves have told.
+  if (weight * energy < kBystanders * reduction) return owed_to_prior;
   if (owed_to_prior <= of_samples) return of_samples + owed_to_prior;
   return reduction * reduction / (weight * scatter + std::max(0.0, reduction - weight * energy));
 }

@@ -27,11 +27,10 @@ double noise_inflation(const Stack& whitened_residual);
 ///
 /// reduction  of the whole cost, of the samples that the rows stand for
 /// weight     samples that one row stands for
-/// returns    T, and what the reduction owes to the prior rather than to the residual: no noise in that. Where this
-/// were
+/// returns    T, and what the reduction owes to the prior rather than to the residual: no noise in that. Where this is
 ///            the greater part, the samples that moved the valve away from the prior speak for it as well, and as
 ///            noisily: R² / (Σ_b (s_b·after_b)² + R − Σ_b s_b·s_b), R the reduction, the prior as data of its own
-///            variance
+///            variance. Where the samples hardly change, the prior's part alone
 double consistent_evidence(const Stack& before, const Stack& after, double reduction, double weight);
 
 /// Two explanations that both may be wrong, compared block by block: Vuong, Econometrica 57 (1989) 307.

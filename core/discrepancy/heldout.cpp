@@ -73,18 +73,50 @@ class Refit {
     const VectorXd b = normal_.b - left_out.b;
     // A recording left out whole keeps the initial state that its own first samples gave.
     a.diagonal().array() += 1e-9 * normal_.a.diagonal().array() + 1e-12 * normal_.a.diagonal().maxCoeff();
-    VectorXd step = a.ldlt().solve(b);
+    const VectorXd step = bounded_step(a, b);
     double squares = 0;
+    VectorXd moved = step;
     for (const Fold& fold : folds) {
       const bool whole = fold.count == rows_[fold.recording].error.size();
-      if (whole) step.segment(problem.own_at(fold.recording), problem.own()).setZero();
+      if (whole) moved.segment(problem.own_at(fold.recording), problem.own()).setZero();
       squares += rows_[fold.recording].error.segment(fold.first, fold.count).squaredNorm();
     }
-    const double kept = explanation_.cost - static_cast<double>(problem.stride()) * squares - b.dot(step);
-    return {problem.clamped(explanation_.v + step), kept};
+    const double change = step.dot(a * step) - 2 * b.dot(step);
+    const double kept = explanation_.cost - static_cast<double>(problem.stride()) * squares + change;
+    return {problem.clamped(explanation_.v + moved), kept};
   }
 
  private:
+  /// The step to the minimum within the bounds: an entry that would pass its bound stops there, the others make up for
+  /// it.
+  VectorXd bounded_step(const MatrixXd& a, const VectorXd& b) const {
+    constexpr int kMostRounds = 8;
+    const VectorXd& v = explanation_.v;
+    VectorXd step = a.ldlt().solve(b);
+    std::vector<Index> stopped;
+    for (int round = 0; round < kMostRounds; ++round) {
+      const VectorXd allowed = explanation_.problem->clamped(v + step) - v;
+      const std::size_t before = stopped.size();
+      MatrixXd free = a;
+      VectorXd right = b;
+      for (Index j = 0; j < step.size(); ++j) {
+        const bool is_stopped = std::find(stopped.begin(), stopped.end(), j) != stopped.end();
+        if (!is_stopped && std::abs(allowed(j) - step(j)) <= 1e-12 * std::abs(step(j))) continue;
+        if (!is_stopped) stopped.push_back(j);
+        right -= allowed(j) * a.col(j);
+      }
+      if (stopped.size() == before) break;
+      for (const Index j : stopped) {
+        free.row(j).setZero();
+        free.col(j).setZero();
+        free(j, j) = 1;
+        right(j) = allowed(j);
+      }
+      step = free.ldlt().solve(right);
+    }
+    return step;
+  }
+
   ValveFitProblem::Normal empty() const {
     const Index size = explanation_.problem->size();
     return {MatrixXd::Zero(size, size), VectorXd::Zero(size)};

@@ -14,6 +14,8 @@ using Eigen::VectorXd;
 
 /// A signature below this is no effect that the recordings could show: a hundredth of one sample's noise.
 constexpr double kLeastEffect = 1e-4;
+/// A valve this far from good ones, in noise variances, is worth a law in the place of its own parameters.
+constexpr double kLeastInPlace = 8;
 
 /// One law around a linearised valve: simulated for any parameters, compared in the projected metric.
 class Search {
@@ -204,6 +206,47 @@ bool descend(Search& search, const LinearisedValve& fit, Point& point, double& d
   return false;
 }
 
+LinearisedValve::Signature times(LinearisedValve::Signature signature, double factor) {
+  for (VectorXd& column : signature.column) column *= factor;
+  signature.load *= factor;
+  signature.absorbed *= factor;
+  return signature;
+}
+
+/// The law in the place of what the valve's own parameters had to do for it: a delay in that of the valve's delay. Only
+/// the distance from good valves tells of it. In proportion to a very small effect, for a large one looks like nothing
+/// the valve's parameters can do unless they move with it.
+void try_in_place_of_own(Search& search, const LinearisedValve& fit, const std::vector<double>& start, LawFit& found) {
+  const Mechanism& law = *found.law.law;
+  const std::size_t at = law.size_parameter;
+  if (!std::isfinite(law.neutral) || at >= found.law.shared()) return;
+  std::vector<double> small = search.clamped(start);
+  const double step = std::copysign(search.step(at), small[at] - law.neutral);
+  small[at] = law.neutral + step;
+  const LinearisedValve::Signature effect = search.effect(search.clamped(small));
+  const double power = fit.product(effect, effect), against = fit.against_error(effect);
+  if (!(power > 0) || !(against > 0)) return;
+  const double promise = against * against / power;
+  if (promise < kLeastInPlace || promise < found.reduction) return;
+  for (const double part : {1.0, 0.5}) {
+    const double share = part * against / power;
+    std::vector<double> parameters = small;
+    parameters[at] = law.neutral + share * step;
+    if (search.clamped(parameters) != parameters) continue;
+    const VectorXd moved = fit.at() + fit.shift_without(times(effect, share));
+    const double verified = fit.cost() - search.cost(moved, parameters);
+    if (!(verified > found.verified) && part < 1) continue;
+    found.parameters = found.shape = parameters;
+    found.reduction = promise;
+    found.baseline = moved;
+    found.residual = search.residual(moved, parameters);
+    found.verified = std::max(verified, 0.0);
+    found.consistent_verified = consistent_evidence(fit.error(), found.residual, found.verified, fit.weight());
+    found.consistent_reduction = promise;  // of the prior alone, which is free of noise
+    if (verified > 0.5 * promise) break;
+  }
+}
+
 /// The law at no effect; `tried` is where it has one.
 LawFit nothing_found(const LinearisedValve& fit, const LawInFit& law, const Search& search, const Point& tried) {
   LawFit nothing{.law = law,
@@ -211,8 +254,7 @@ LawFit nothing_found(const LinearisedValve& fit, const LawInFit& law, const Sear
                  .shape = tried.parameters,
                  .freedoms = std::max<Index>(1, search.freedoms()),
                  .baseline = fit.at(),
-                 .residual = fit.error(),
-                 .simulations = search.simulations()};
+                 .residual = fit.error()};
   for (std::size_t j = 0; j < law.shared(); ++j) nothing.parameters[j] = law.start[j];
   if (law.law->size_parameter < law.shared()) {
     const std::size_t at = law.law->size_parameter;
@@ -223,9 +265,11 @@ LawFit nothing_found(const LinearisedValve& fit, const LawInFit& law, const Sear
 
 }  // namespace
 
-std::optional<LawFit> search_law(const LinearisedValve& fit, const ValveFitOptions& options, const LawInFit& law,
-                                 const std::vector<std::vector<double>>& starts, int most_steps, double worthwhile) {
-  Search search(fit, options, law);
+namespace {
+
+std::optional<LawFit> search_from_starts(Search& search, const LinearisedValve& fit, const LawInFit& law,
+                                         const std::vector<std::vector<double>>& starts, int most_steps,
+                                         double worthwhile) {
   std::optional<Point> point = best_start(search, fit, starts);
   if (!point) return std::nullopt;
   if (point->promise < worthwhile) return nothing_found(fit, law, search, *point);
@@ -273,7 +317,18 @@ std::optional<LawFit> search_law(const LinearisedValve& fit, const ValveFitOptio
     }
     if (found.verified > 0.5 * found.reduction) break;
   }
-  found.simulations = search.simulations();
+  return found;
+}
+
+}  // namespace
+
+std::optional<LawFit> search_law(const LinearisedValve& fit, const ValveFitOptions& options, const LawInFit& law,
+                                 const std::vector<std::vector<double>>& starts, int most_steps, double worthwhile) {
+  Search search(fit, options, law);
+  std::optional<LawFit> found = search_from_starts(search, fit, law, starts, most_steps, worthwhile);
+  if (!found) return std::nullopt;
+  if (options.prior && !starts.empty()) try_in_place_of_own(search, fit, starts.front(), *found);
+  found->simulations = search.simulations();
   return found;
 }
 

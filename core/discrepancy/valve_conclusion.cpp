@@ -22,6 +22,8 @@ constexpr double kWorthNaming = 0.03;
 constexpr double kMostLeft = 0.25;
 // A residual at rest this many deviations slower than white noise is not white.
 constexpr double kWhiteAtRest = 5;
+// A cause that the prior carries, a delay or a gain, neither helps nor harms held-out recordings: this much by chance.
+constexpr double kMostHarm = 0.01;
 // Of a name whose extension leaves too much: as likely as not.
 constexpr double kUnexplainedName = 0.5;
 constexpr double kTwoSided95 = 1.96;
@@ -324,7 +326,11 @@ ValveDiagnosis conclude(const SearchedValve& searched, const ValveDiagnosisOptio
   const bool is_disturbed = std::any_of(explanation.laws.begin(), explanation.laws.end(),
                                         [](const LawFit& law) { return law.law.law->family == "disturbance"; });
   const bool is_partial = is_disturbed && leftover.at_rest_deviations > kWhiteAtRest;
-  const bool explained = !is_partial && (!is_left || (!explanation.laws.empty() && remains < kMostLeft * there));
+  discrepancy.gain = measure_gain(searched.baseline, explanation);
+  // What makes recordings that it was not fitted to worse is not what happened, however well it fits the others.
+  const bool misleads = discrepancy.gain.reduction < -kMostHarm;
+  const bool explained =
+      !is_partial && !misleads && (!is_left || (!explanation.laws.empty() && remains < kMostLeft * there));
 
   const std::vector<double> errors = explanation.standard_errors(inflation);
   std::size_t error_at = 0;
@@ -344,7 +350,6 @@ ValveDiagnosis conclude(const SearchedValve& searched, const ValveDiagnosisOptio
 
   discrepancy.findings = dependences(searched.baseline);
   discrepancy.findings.insert(discrepancy.findings.end(), leftover.findings.begin(), leftover.findings.end());
-  discrepancy.gain = measure_gain(searched.baseline, explanation);
   measure_each(searched, discrepancy);
   discrepancy.candidates = candidates_of(searched, discrepancy, leftover, linear, inflation, options);
   discrepancy.next_test = next_test(searched, discrepancy.causes, inflation);

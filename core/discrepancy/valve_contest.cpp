@@ -136,9 +136,8 @@ void keep_better(Survey other, double offset, Survey& survey) {
 }
 
 /// Those still in the race after a survey: perhaps beyond what a good valve shows, those that promise most, and none
-/// that promises far less than the best. A forecast is linear: where the fit has bent towards a fault it may be a
-/// hundred times off, and what the best is known to be confused with races as well.
-std::vector<const Tested*> in_the_race(const Survey& survey, bool bent, const ValveDiagnosisOptions& options) {
+/// that promises far less than the best.
+std::vector<const Tested*> in_the_race(const Survey& survey, const ValveDiagnosisOptions& options) {
   const double laws = static_cast<double>(survey.tested.size());
   const auto forecast = [](const Tested* tested) { return std::max(tested->evidence, tested->promise); };
   std::vector<const Tested*> racing;
@@ -152,15 +151,22 @@ std::vector<const Tested*> in_the_race(const Survey& survey, bool bent, const Va
          racing.back()->evidence < racing.front()->evidence - 2 * kInTheRace) {
     racing.pop_back();
   }
-  if (!bent || racing.empty()) return racing;
-  const auto confused_with = racing.front()->fit.law.law->confused_with;
+  return racing;
+}
+
+/// What a cause is known to be confused with and what has not been in the race. A forecast is linear: where the fit has
+/// bent towards a fault it may be a hundred times off, and a law that seemed to do nothing does most.
+std::vector<const Tested*> late_entries(const std::string& cause, const Survey& survey,
+                                        const std::vector<const Tested*>& racing) {
+  const auto confused_with = find_mechanism(cause)->confused_with;
+  std::vector<const Tested*> late;
   for (const Tested& tested : survey.tested) {
     const bool is_known = std::find(racing.begin(), racing.end(), &tested) != racing.end();
     const bool is_rival =
         std::find(confused_with.begin(), confused_with.end(), tested.fit.law.law->cause) != confused_with.end();
-    if (is_rival && !is_known) racing.push_back(&tested);
+    if (is_rival && !is_known) late.push_back(&tested);
   }
-  return racing;
+  return late;
 }
 
 /// ln likelihood of an explanation, tempered; each parameter pays the half logarithm of the samples that count.
@@ -186,15 +192,20 @@ void keep_consistent(const Ranked& winner, double weight, std::vector<Ranked>& r
   }
 }
 
-/// Probabilities of the winner and its rivals. What more than one good valve in twenty shows as well does not tell this
-/// valve from them: it is nobody's rival. Nor does any rival lead: the winner is the best of those that stand out.
+/// What more than one good valve in twenty shows as well does not tell this valve from them: it is nobody's rival. But
+/// of one family laws are accounts of the same thing: where good valves show one of them, it may be that one still.
+bool competes_with(const std::string& winner, const Ranked& r) {
+  return r.cause == winner || r.p_value <= kRivalInGoodValves ||
+         find_mechanism(r.cause)->family == find_mechanism(winner)->family;
+}
+
+/// Probabilities of the winner and its rivals. No rival leads: the winner is the best of those that stand out.
 void normalise(const std::string& winner, std::vector<Ranked>& ranked) {
   const auto won = std::find_if(ranked.begin(), ranked.end(), [&](const Ranked& r) { return r.cause == winner; });
   const double best = won->log_likelihood;
   double sum = 0;
   for (Ranked& r : ranked) {
-    const bool competes = r.cause == winner || r.p_value <= kRivalInGoodValves;
-    r.probability = competes ? std::exp(std::min(r.log_likelihood - best, 0.0)) : 0;
+    r.probability = competes_with(winner, r) ? std::exp(std::min(r.log_likelihood - best, 0.0)) : 0;
     sum += r.probability;
   }
   for (Ranked& r : ranked) r.probability /= sum;
@@ -213,7 +224,7 @@ void keep_margins(const std::string& winner, std::vector<Ranked>& ranked) {
   for (Ranked& r : ranked) {
     const bool is_kin = find_mechanism(r.cause)->family == find_mechanism(winner)->family;
     const double enough = (is_kin ? kFamilyMargin : kMargin) * reduction;
-    if (r.cause != winner && r.reduction >= enough && r.p_value <= kRivalInGoodValves) {
+    if (r.cause != winner && r.reduction >= enough && competes_with(winner, r)) {
       r.probability = std::max(r.probability, kRivalShare);
     }
     sum += r.probability;
@@ -234,7 +245,9 @@ double rank_of(const Tested& tested, double reduction, std::span<const CauseOnGo
 
 /// The laws that the survey leaves in the race, each fitted together with the valve.
 struct JointFits {
+  std::vector<const Tested*> racing;
   std::vector<Explanation> fitted;  ///< in the order of `racing`
+  double lowest = 0;                ///< cost of the best of them, or of what they stand beside
   double inflation = 1;             ///< of the noise, by the best of them
 };
 
@@ -261,20 +274,18 @@ std::vector<JointStart> joint_starts(const Tested& tested, const Explanation& be
   return starts;
 }
 
-JointFits fit_jointly(const std::vector<const Tested*>& racing, const Explanation& beside, bool bent) {
+void fit_jointly(const std::vector<const Tested*>& entering, const Explanation& beside, bool bent, JointFits& joint) {
   // A fit that has bent towards a fault is far from the valve under it: begin from where a good valve stands as well.
   std::vector<VectorXd> places;
   if (bent) places = {beside.v, at_population_mean(beside)};
-  JointFits joint;
-  double lowest = beside.cost;
-  for (const Tested* tested : racing) {
-    joint.fitted.push_back(extend(beside, tested->fit, kJointSteps, lowest - kInTheRace * joint.inflation,
+  for (const Tested* tested : entering) {
+    joint.racing.push_back(tested);
+    joint.fitted.push_back(extend(beside, tested->fit, kJointSteps, joint.lowest - kInTheRace * joint.inflation,
                                   joint_starts(*tested, beside, places)));
-    if (joint.fitted.back().cost >= lowest) continue;
-    lowest = joint.fitted.back().cost;
+    if (joint.fitted.back().cost >= joint.lowest) continue;
+    joint.lowest = joint.fitted.back().cost;
     joint.inflation = noise_inflation(whitened_residual(joint.fitted.back()));
   }
-  return joint;
 }
 
 std::string cause_of(const Explanation& explanation) {
@@ -297,6 +308,7 @@ Ranked ranked_fit(const Tested& tested, double cost_beside, const Stack& error, 
 
 /// Who wins among the entries, and with which probabilities; nobody where none stands out.
 void settle(Contest& contest, double laws) {
+  contest.cause.clear();
   const Ranked* best = nullptr;
   for (const Ranked& r : contest.entries) {
     if (r.stands_out && (!best || r.log_likelihood > best->log_likelihood)) best = &r;
@@ -308,6 +320,27 @@ void settle(Contest& contest, double laws) {
   keep_consistent(*best, contest.weight, contest.ranked);
   normalise(contest.cause, contest.ranked);
   keep_margins(contest.cause, contest.ranked);
+}
+
+/// The laws of a survey as entries of the contest: with their joint fits, or with what the survey says of them.
+void enter(Contest& contest, const JointFits& joint, const LinearisedValve& linear, const Explanation& beside,
+           const ValveDiagnosisOptions& options) {
+  const double laws = static_cast<double>(contest.survey.tested.size());
+  contest.inflation = joint.inflation;
+  contest.entries.clear();
+  for (std::size_t i = 0; i < joint.racing.size(); ++i) {
+    contest.entries.push_back(
+        ranked_fit(*joint.racing[i], beside.cost, linear.error(), joint.fitted[i], contest, laws, options));
+  }
+  for (const Tested& tested : contest.survey.tested) {
+    if (std::find(joint.racing.begin(), joint.racing.end(), &tested) != joint.racing.end()) continue;
+    Ranked r{.cause = tested.cause(), .reduction = tested.fit.verified, .evidence = tested.evidence};
+    r.log_likelihood = rank_of(tested, tested.fit.verified, options.causes, contest.inflation, contest.samples);
+    r.p_value = tested.p_value;
+    r.residual = tested.fit.residual;
+    r.penalty = linear.cost() - tested.fit.reduction - linear.weight() * squares_of(tested.fit.residual);
+    contest.entries.push_back(std::move(r));
+  }
 }
 
 /// Whether the fit has bent towards a fault: it leaves a residual far slower than noise, or it had to go where good
@@ -383,29 +416,27 @@ Contest hold_contest(const Explanation& beside, const ValveDiagnosisOptions& opt
   const LinearisedValve linear(*beside.problem, beside.v);
   const bool bent = is_bent(linear, beside);
   contest.survey = survey_all(linear, beside, bent, options);
-  const auto racing = in_the_race(contest.survey, bent, options);
-  if (racing.empty()) return contest;
   const double laws = static_cast<double>(contest.survey.tested.size());
-
-  JointFits joint = fit_jointly(racing, beside, bent);
-  contest.inflation = joint.inflation;
   contest.samples = linear.samples();
   contest.weight = linear.weight();
-  for (std::size_t i = 0; i < racing.size(); ++i) {
-    contest.entries.push_back(
-        ranked_fit(*racing[i], beside.cost, linear.error(), joint.fitted[i], contest, laws, options));
+
+  JointFits joint{.lowest = beside.cost};
+  fit_jointly(in_the_race(contest.survey, options), beside, bent, joint);
+  if (joint.racing.empty()) return contest;
+  if (bent) {
+    const std::string leading(joint.racing.front()->cause());
+    fit_jointly(late_entries(leading, contest.survey, joint.racing), beside, bent, joint);
   }
-  for (const Tested& tested : contest.survey.tested) {
-    const bool refitted = std::any_of(racing.begin(), racing.end(), [&](const Tested* r) { return r == &tested; });
-    if (refitted) continue;
-    Ranked r{.cause = tested.cause(), .reduction = tested.fit.verified, .evidence = tested.evidence};
-    r.log_likelihood = rank_of(tested, tested.fit.verified, options.causes, contest.inflation, contest.samples);
-    r.p_value = tested.p_value;
-    r.residual = tested.fit.residual;
-    r.penalty = linear.cost() - tested.fit.reduction - linear.weight() * squares_of(tested.fit.residual);
-    contest.entries.push_back(std::move(r));
-  }
+  enter(contest, joint, linear, beside, options);
   settle(contest, laws);
+  if (!contest.cause.empty()) {
+    const auto late = late_entries(contest.cause, contest.survey, joint.racing);
+    if (!late.empty()) {
+      fit_jointly(late, beside, true, joint);
+      enter(contest, joint, linear, beside, options);
+      settle(contest, laws);
+    }
+  }
   for (Explanation& fitted : joint.fitted) {
     if (!contest.cause.empty() && cause_of(fitted) == contest.cause) {
       contest.best = std::move(fitted);

@@ -16,6 +16,8 @@ constexpr int kIterationsAtATime = 4;
 constexpr int kScoutIterations = 3;
 // A quarter of a noise variance in 24,000 samples: far below what any decision turns on.
 constexpr double kSmallestGain = 1e-5;
+// Parts of a recording that a law's error may differ between.
+constexpr Index kScoreBlocks = 4;
 
 std::unique_ptr<ValveFitProblem> problem_of(std::span<const Recording> recordings, const ValveFitOptions& options) {
   return std::make_unique<ValveFitProblem>(recordings, options);
@@ -38,7 +40,7 @@ Model Explanation::model() const {
   std::vector<double> outputs(knots.data(), knots.data() + knots.size());
   outputs = monotone_regression(outputs, std::vector<double>(outputs.size(), 1.0));
   Model model = to_model(to_parameters(v.head(ValveFitProblem::kParameters), options->reference_psi),
-                         {options->knots, outputs}, options->usual);
+                         KnotCurve(options->knots).through(outputs), options->usual);
   for (std::size_t l = 0; l < options->laws.size(); ++l) {
     const LawInFit& law = options->laws[l];
     MechanismUse use{.cause = std::string(law.law->cause),
@@ -51,15 +53,35 @@ Model Explanation::model() const {
 }
 
 std::vector<double> Explanation::standard_errors(double inflation) const {
-  const MatrixXd inverse =
-      problem->linearise(v).a.ldlt().solve(MatrixXd::Identity(problem->size(), problem->size())) * inflation;
+  ValveFitProblem::Normal normal{MatrixXd::Zero(problem->size(), problem->size()), VectorXd::Zero(problem->size())};
+  std::vector<VectorXd> scores;
+  for (std::size_t r = 0; r < problem->recordings(); ++r) {
+    const ValveFitProblem::Rows rows = problem->rows(v, r);
+    const Index own = problem->own_at(r), shared = problem->shared();
+    const Index count = rows.error.size();
+    for (Index block = 0; block < kScoreBlocks; ++block) {
+      const Index first = block * count / kScoreBlocks, last = (block + 1) * count / kScoreBlocks;
+      problem->accumulate(rows, first, last - first, r, normal);
+      const VectorXd score =
+          static_cast<double>(problem->stride()) *
+          (rows.jacobian.middleRows(first, last - first).transpose() * rows.error.segment(first, last - first));
+      scores.push_back(VectorXd::Zero(problem->size()));
+      scores.back().head(shared) = score.head(shared);
+      scores.back().segment(own, problem->own()) = score.tail(problem->own());
+    }
+  }
+  problem->add_penalty(v, normal);
+  const MatrixXd inverse = normal.a.ldlt().solve(MatrixXd::Identity(problem->size(), problem->size()));
+
   std::vector<double> errors;
   Index shared = problem->baseline_size();
   Index own = problem->own_at(0) + ValveFitProblem::kStarts;
   for (const LawInFit& law : options->laws) {
     for (std::size_t j = 0; j < law.law->parameters.size(); ++j) {
       const Index entry = j < law.shared() ? shared++ : own++;
-      const double variance = inverse(entry, entry);
+      double between = 0;
+      for (const VectorXd& score : scores) between += std::pow(inverse.row(entry).dot(score), 2);
+      const double variance = std::max(inverse(entry, entry) * inflation, between);
       errors.push_back(variance > 0 ? std::sqrt(variance) : std::numeric_limits<double>::quiet_NaN());
     }
   }

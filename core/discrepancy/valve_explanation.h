@@ -20,7 +20,9 @@ struct Explanation {
   Explanation copy() const;
   /// The extended model, laws included.
   Model model() const;
-  /// Of every parameter of every law, in order (own ones: the first recording's); noise inflated.
+  /// Of every parameter of every law, in order (own ones: the first recording's). The larger of what inflated noise and
+  /// what the spread of the scores over quarters of the recordings makes: a law that is not the whole physics would
+  /// have other parameters in each. Source: White, Econometrica 50 (1982) 1 (sandwich), by clusters.
   std::vector<double> standard_errors(double inflation) const;
 };
 

@@ -30,17 +30,11 @@ constexpr double kMapBend_psi = 30.0;
 // A recording that does not begin at rest is off by no more than this in its map's input and its pressure.
 constexpr double kSpoolStartSd_a = 0.05, kPressureStartSd_psi = 20.0, kMemorySd = 0.5;
 
-struct Between {
-  Index left = 0;
-  double share = 0;
-};
-
-/// Position of x between equidistant knots; the end pieces reach beyond.
-Between locate(const std::vector<double>& knots, double x) {
+/// Index of the knot nearest to an input; the end ones beyond.
+Index nearest_knot(const std::vector<double>& knots, double input) {
   const double spacing = knots[1] - knots[0];
-  const auto last = static_cast<Index>(knots.size()) - 2;
-  const Index left = std::clamp<Index>(static_cast<Index>(std::floor((x - knots[0]) / spacing)), 0, last);
-  return {left, (x - knots[static_cast<std::size_t>(left)]) / spacing};
+  const auto last = static_cast<Index>(knots.size()) - 1;
+  return std::clamp<Index>(std::lround((input - knots[0]) / spacing), 0, last);
 }
 
 // Rows of a linearisation beyond this many say nothing new; thinning them bounds memory and time.
@@ -49,7 +43,7 @@ constexpr std::size_t kMostRows = 60000;
 }  // namespace
 
 ValveFitProblem::ValveFitProblem(std::span<const Recording> recordings, const ValveFitOptions& options)
-    : options_(options), knots_(static_cast<Index>(options.knots.size())) {
+    : options_(options), knots_(static_cast<Index>(options.knots.size())), curve_(options.knots) {
   std::size_t samples = 0;
   for (const Recording& recording : recordings) {
     Prepared prepared{.recording = &recording, .input = noise_free_input(recording)};
@@ -73,7 +67,11 @@ ValveFitProblem::ValveFitProblem(std::span<const Recording> recordings, const Va
 }
 
 ValveFitProblem::ValveFitProblem(const ValveFitProblem& other, const ValveFitOptions& options)
-    : options_(options), prepared_(other.prepared_), knots_(other.knots_), stride_(other.stride_) {
+    : options_(options),
+      prepared_(other.prepared_),
+      knots_(other.knots_),
+      curve_(other.curve_),
+      stride_(other.stride_) {
   set_bounds();
   place_laws();
   set_preferences();
@@ -187,8 +185,7 @@ VectorXd ValveFitProblem::start_vector(const ValveParameters& parameters) const 
   for (const Prepared& p : prepared_) {
     for (std::size_t i = 0; i < p.input.start.size(); ++i) {
       if (!p.recording->is_valid(i)) continue;
-      const Between at = locate(options_.knots, p.input.start[i]);
-      const Index nearest = at.left + (at.share > 0.5 ? 1 : 0);
+      const Index nearest = nearest_knot(options_.knots, p.input.start[i]);
       a(nearest, nearest) += 1;
       b(nearest) += p.recording->output.values[i];
     }
@@ -218,7 +215,7 @@ VectorXd ValveFitProblem::continued_in(const ValveFitProblem& wider, const Vecto
 
 StaticMap ValveFitProblem::map_of(const VectorXd& v) const {
   const double* first = v.data() + kParameters;
-  return {options_.knots, std::vector<double>(first, first + knots_)};
+  return curve_.through(std::vector<double>(first, first + knots_));
 }
 
 std::vector<double> ValveFitProblem::law_parameters(const VectorXd& v, std::size_t law, std::size_t recording) const {
@@ -385,11 +382,10 @@ class ValveFitProblem::Columns {
  public:
   Columns(const ValveFitProblem& problem, const VectorXd& v, std::size_t recording)
       : problem_(problem), v_(v), recording_(recording), base_(problem.run(v, recording, true)) {
-    slope_.resize(base_.position.size());
     const StaticMap map = problem.map_of(v);
-    for (std::size_t i = 0; i < slope_.size(); ++i) {
-      const auto left = static_cast<std::size_t>(locate(map.input, base_.position[i]).left);
-      slope_[i] = (map.output[left + 1] - map.output[left]) / (map.input[left + 1] - map.input[left]);
+    for (const double x : base_.position) {
+      slope_.push_back(map.slope(x));
+      shares_.push_back(problem.curve_.share_at(x));
     }
     has_steady_laws_ = base_.steady != base_.mapped;
     if (!has_steady_laws_) return;
@@ -434,13 +430,19 @@ class ValveFitProblem::Columns {
     return change;
   }
 
+  bool uses_knot(Index knot) const {
+    return std::any_of(shares_.begin(), shares_.end(), [&](const KnotCurve::Share& share) {
+      return static_cast<std::size_t>(knot) - share.first < share.weight.size();
+    });
+  }
+
   /// ∂output / ∂knot.
   std::vector<double> of_knot(Index knot) const {
     std::vector<double> change(base_.position.size(), 0.0);
     for (std::size_t i = 0; i < change.size(); ++i) {
-      const Between at = locate(problem_.options_.knots, base_.position[i]);
-      if (at.left == knot) change[i] = 1 - at.share;
-      if (at.left + 1 == knot) change[i] = at.share;
+      const KnotCurve::Share& share = shares_[i];
+      const auto k = static_cast<std::size_t>(knot) - share.first;  // wraps where the knot lies before
+      if (k < share.weight.size()) change[i] = share.weight[k];
     }
     carry_steady(change);
     return change;
@@ -569,6 +571,7 @@ class ValveFitProblem::Columns {
   std::size_t recording_;
   Run base_;
   std::vector<double> slope_, steady_gain_;
+  std::vector<KnotCurve::Share> shares_;  ///< of the knots in the map at each sample
   bool has_steady_laws_ = false;
 };
 
@@ -609,9 +612,9 @@ ValveFitProblem::Rows ValveFitProblem::rows(const VectorXd& v, std::size_t recor
   }
   const auto inward = [&](Index j) { return v(j) + step_(j) > upper_(j) ? -step_(j) : step_(j); };
   for (Index j = 0; j < kParameters; ++j) keep(j, columns.of(j, inward(j)));
-  const auto [least, most] = std::minmax_element(columns.base().position.begin(), columns.base().position.end());
-  const Index first = locate(options_.knots, *least).left, last = locate(options_.knots, *most).left + 1;
-  for (Index k = first; k <= last; ++k) keep(kParameters + k, columns.of_knot(k));
+  for (Index k = 0; k < knots_; ++k) {
+    if (columns.uses_knot(k)) keep(kParameters + k, columns.of_knot(k));
+  }
 
   const Index own = own_at(recording);
   const double start_step[kStarts] = {1e-5, 1e-5, 1e-3, v(own + kMemory) > 0 ? -0.01 : 0.01};

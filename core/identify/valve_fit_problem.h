@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "core/identify/knot_curve.h"
 #include "core/identify/valve_fit.h"
 
 namespace valvetriage {
@@ -127,6 +128,7 @@ class ValveFitProblem {
   const ValveFitOptions& options_;
   std::vector<Prepared> prepared_;
   Eigen::Index knots_;
+  KnotCurve curve_;
   Eigen::Index law_parameters_ = 0;
   Eigen::Index own_ = kStarts;
   std::vector<Eigen::Index> law_at_, law_own_at_;  ///< first shared entry of each law; first own one behind own_at()

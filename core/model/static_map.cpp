@@ -38,7 +38,9 @@ void StaticMap::apply(std::span<double> signal) const {
   };
   for (double& u : signal) {
     if (!on_piece(u)) {
-      i = piece_of(input, u);
+      // The next sample of a curve lies on the next piece.
+      if (i + 2 < input.size() && u >= input[i + 1]) ++i;
+      if (!on_piece(u)) i = piece_of(input, u);
       slope_here = slope_of(*this, i);
     }
     u = output[i] + slope_here * (u - input[i]);

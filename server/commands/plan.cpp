@@ -1,6 +1,7 @@
 #include <map>
 #include <memory>
 
+#include "core/identify/knot_curve.h"
 #include "core/model/test_plan.h"
 #include "server/commands/commands.h"
 #include "server/commands/documents.h"
@@ -34,7 +35,7 @@ Result<StaticMap> steady_map(const std::string& reference_file) {
   auto reference = open_reference(reference_file);
   if (!reference) return tl::unexpected(reference.error());
   if (!reference->model.map) return fail("not_a_reference", "the reference's model has no steady map");
-  return *reference->model.map;
+  return KnotCurve(reference->model.map->input).through(reference->model.map->output);
 }
 
 ExitStatus run(const PlanArguments& arguments) {
