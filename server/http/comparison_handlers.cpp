@@ -38,19 +38,16 @@ Result<Side> side_of(Service& service, const Request& request, const std::string
   return side;
 }
 
-/// What a valve is counted under beside its verdict: its settled cause, or that there is none.
-std::string outcome(const SubmissionRow& valve) {
-  const std::string conclusion = valve.summary.conclusion.value_or("");
-  return conclusion == "named" ? valve.summary.top_cause.value_or("") : conclusion;
-}
-
-std::map<std::string, std::int64_t> outcomes(const Side& side) {
+/// Valves by what they are counted under, which may be several causes of one valve.
+std::map<std::string, std::int64_t> count_outcomes(const Side& side) {
   std::map<std::string, std::int64_t> counts;
-  for (const SubmissionRow& valve : side.history.valves) ++counts[outcome(valve)];
+  for (const SubmissionRow& valve : side.history.valves) {
+    for (const std::string& name : outcomes(valve)) ++counts[name];
+  }
   return counts;
 }
 
-std::map<std::string, std::int64_t> verdicts(const Side& side) {
+std::map<std::string, std::int64_t> count_verdicts(const Side& side) {
   std::map<std::string, std::int64_t> counts;
   for (const SubmissionRow& valve : side.history.valves) ++counts[valve.summary.verdict.value_or("null")];
   return counts;
@@ -60,7 +57,7 @@ Json view(const Side& side) {
   return Json{{"lot", text_or_null(side.filter.lot)},
               {"stand", text_or_null(side.filter.stand)},
               {"valves", side.history.valves.size()},
-              {"verdicts", verdicts(side)}};
+              {"verdicts", count_verdicts(side)}};
 }
 
 std::int64_t at(const std::map<std::string, std::int64_t>& counts, const std::string& name) {
@@ -70,17 +67,26 @@ std::int64_t at(const std::map<std::string, std::int64_t>& counts, const std::st
 
 /// How many of both sides are counted under a name, and the chance of so unequal shares.
 Json share(const std::string& name, std::int64_t a, std::int64_t of_a, std::int64_t b, std::int64_t of_b) {
-  return Json{{"name", name}, {"a", a}, {"b", b}, {"p_value", fisher_exact_p_value(a, of_a - a, b, of_b - b)}};
+  return Json{{"name", name}, {"a", a},       {"of_a", of_a},
+              {"b", b},       {"of_b", of_b}, {"p_value", fisher_exact_p_value(a, of_a - a, b, of_b - b)}};
 }
 
-Json shares(const std::map<std::string, std::int64_t>& a, const std::map<std::string, std::int64_t>& b,
+/// left_out  the name of the valves that take no part
+Json shares(const Side& a, const Side& b, std::map<std::string, std::int64_t> (*counted)(const Side&),
             const char* left_out) {
+  const auto in_a = counted(a), in_b = counted(b);
+  const auto of = [&](const Side& side, const auto& counts) {
+    return static_cast<std::int64_t>(side.history.valves.size()) - at(counts, left_out);
+  };
   std::set<std::string> names;
-  std::int64_t of_a = 0, of_b = 0;
-  for (const auto& [name, count] : a) (name == left_out ? 0 : (names.insert(name), of_a += count));
-  for (const auto& [name, count] : b) (name == left_out ? 0 : (names.insert(name), of_b += count));
+  for (const auto* counts : {&in_a, &in_b}) {
+    for (const auto& [name, count] : *counts) names.insert(name);
+  }
+  names.erase(left_out);
   Json items = Json::array();
-  for (const std::string& name : names) items.push_back(share(name, at(a, name), of_a, at(b, name), of_b));
+  for (const std::string& name : names) {
+    items.push_back(share(name, at(in_a, name), of(a, in_a), at(in_b, name), of(b, in_b)));
+  }
   return items;
 }
 
@@ -121,8 +127,8 @@ Result<Response> get_comparison(Service& service, Request& request) {
   if (!b) return tl::unexpected(b.error());
   return json_response(Json{{"a", view(*a)},
                             {"b", view(*b)},
-                            {"verdicts", shares(verdicts(*a), verdicts(*b), "null")},
-                            {"causes", shares(outcomes(*a), outcomes(*b), "")},
+                            {"verdicts", shares(*a, *b, count_verdicts, "null")},
+                            {"causes", shares(*a, *b, count_outcomes, "")},
                             {"levels", levels(*a, *b)}});
 }
 
@@ -140,16 +146,18 @@ Result<Response> list_stands(Service& service, Request& request) {
     std::map<std::string, std::int64_t> verdict_counts, causes;
     for (const SubmissionRow* valve : valves) {
       ++verdict_counts[valve->summary.verdict.value_or("null")];
-      if (valve->summary.conclusion == "named") ++causes[outcome(*valve)];
+      for (const CauseSummary& cause : settled_causes(*valve)) ++causes[cause.cause];
     }
-    const auto alarm =
-        std::find_if(alarms.begin(), alarms.end(), [&, &name = stand](const auto& a) { return a.stand == name; });
+    Json of_stand = Json::array();
+    for (const StandAlarm& alarm : alarms) {
+      if (alarm.stand == stand) of_stand.push_back(http::view(alarm, history.valves));
+    }
     items.push_back(Json{{"stand", stand},
                          {"valves", valves.size()},
                          {"last_received_at", format_rfc3339(valves.back()->received_at)},
                          {"verdicts", verdict_counts},
                          {"causes", causes},
-                         {"alarm", alarm == alarms.end() ? Json(nullptr) : http::view(*alarm, history.valves)}});
+                         {"alarms", std::move(of_stand)}});
   }
   return list_response(request, std::move(items), std::nullopt);
 }

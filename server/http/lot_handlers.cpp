@@ -31,15 +31,22 @@ std::string number_or_null(const std::optional<double>& number) {
 }
 
 /// Written without a document in between: a lot has ten thousand of these, and the page waits for them.
-void add_valve_point(std::string& out, const SubmissionRow& row) {
+void add_valve_point(std::string& out, const SubmissionRow& row, const std::vector<double>& q_values) {
   const Labels& labels = row.labels;
   const AnalysisSummary& summary = row.summary;
   fmt::format_to(std::back_inserter(out),
                  R"({{"submission_id":{},"serial":{},"stand":{},"received_at":"{}","verdict":{},"conclusion":{},)"
-                 R"("top_cause":{},"top_cause_probability":{},"errors":[)",
+                 R"("top_cause":{},"top_cause_probability":{},"causes":[)",
                  dump_json(Json(row.id)), text_or_null(labels.serial), text_or_null(labels.stand),
                  format_rfc3339(row.received_at), text_or_null(summary.verdict), text_or_null(summary.conclusion),
                  text_or_null(summary.top_cause), number_or_null(summary.top_cause_probability));
+  const std::vector<CauseSummary> causes = settled_causes(row);
+  for (std::size_t i = 0; i < causes.size(); ++i) {
+    fmt::format_to(std::back_inserter(out), R"({}{{"cause":{},"probability":{},"q_value":{}}})", i == 0 ? "" : ",",
+                   dump_json(Json(causes[i].cause)), number_or_null(causes[i].probability),
+                   number_or_null(q_values[i]));
+  }
+  out += R"(],"errors":[)";
   for (std::size_t i = 0; i < summary.errors.size(); ++i) {
     fmt::format_to(std::back_inserter(out), R"({}{{"level_A":{},"error_eq20":{}}})", i == 0 ? "" : ",",
                    number_or_null(summary.errors[i].level_a), number_or_null(summary.errors[i].error_eq20));
@@ -71,19 +78,25 @@ Json figure_view(const FigureHistory& figure, const std::vector<SubmissionRow>& 
   return object;
 }
 
-Result<report::LotReportValve> reported_valve(Store& store, const SubmissionRow& row) {
+Result<report::LotReportValve> reported_valve(Store& store, const SubmissionRow& row,
+                                              const std::vector<double>& q_values) {
   const auto analysis = store.newest_analysis(row.id);
   if (!analysis) return tl::unexpected(analysis.error());
   report::LotReportValve valve{.serial = row.labels.serial.value_or(""),
                                .received_at = format_rfc3339(row.received_at),
                                .verdict = row.summary.verdict.value_or(""),
                                .conclusion = row.summary.conclusion.value_or(""),
-                               .cause = row.summary.top_cause.value_or(""),
-                               .probability = row.summary.top_cause_probability.value_or(std::nan("")),
+                               .names = {},
+                               .likely = row.summary.top_cause.value_or(""),
+                               .likely_probability = row.summary.top_cause_probability.value_or(std::nan("")),
                                .error_eq20 = {},
                                .engine_version = analysis->engine_version,
                                .settings_sha256 = analysis->settings_sha256,
                                .result_sha256 = analysis->result_sha256};
+  const std::vector<CauseSummary> causes = settled_causes(row);
+  for (std::size_t i = 0; i < causes.size(); ++i) {
+    valve.names.push_back({causes[i].cause, causes[i].probability, q_values[i]});
+  }
   for (const LevelError& error : row.summary.errors) valve.error_eq20[error.level_a] = error.error_eq20;
   return valve;
 }
@@ -165,9 +178,10 @@ Result<Response> get_lot_history(Service& service, Request& request) {
                                          {"alarms", std::move(alarms)}});
   response.body.back() = ',';
   response.body += R"("valves":[)";
-  for (const SubmissionRow& valve : history->valves) {
-    if (response.body.back() != '[') response.body += ',';
-    add_valve_point(response.body, valve);
+  const std::vector<std::vector<double>> q_values = name_q_values(history->valves);
+  for (std::size_t i = 0; i < history->valves.size(); ++i) {
+    if (i > 0) response.body += ',';
+    add_valve_point(response.body, history->valves[i], q_values[i]);
   }
   response.body += "]}";
   return response;
@@ -183,8 +197,9 @@ Result<Response> get_lot_report(Service& service, Request& request) {
                            .last_received_at = format_rfc3339(lot->last_received_at),
                            .valves = {},
                            .levels = {}};
-  for (const SubmissionRow& row : history->valves) {
-    auto valve = reported_valve(service.store, row);
+  const std::vector<std::vector<double>> q_values = name_q_values(history->valves);
+  for (std::size_t i = 0; i < history->valves.size(); ++i) {
+    auto valve = reported_valve(service.store, history->valves[i], q_values[i]);
     if (!valve) return tl::unexpected(valve.error());
     report.valves.push_back(std::move(*valve));
   }

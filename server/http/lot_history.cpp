@@ -5,6 +5,7 @@
 #include <limits>
 #include <set>
 
+#include "core/classify/q_values.h"
 #include "core/classify/rule_base.h"
 #include "core/mechanisms/mechanism.h"
 
@@ -51,27 +52,64 @@ bool is_stand_cause(const std::string& cause) {
 
 }  // namespace
 
+std::vector<CauseSummary> settled_causes(const SubmissionRow& valve) {
+  std::vector<CauseSummary> settled;
+  for (const CauseSummary& cause : valve.summary.causes) {
+    if (cause.settled) settled.push_back(cause);
+  }
+  return settled;
+}
+
+std::vector<std::string> outcomes(const SubmissionRow& valve) {
+  std::vector<std::string> names;
+  for (const CauseSummary& cause : settled_causes(valve)) names.push_back(cause.cause);
+  if (names.empty()) names.push_back(valve.summary.conclusion.value_or(""));
+  return names;
+}
+
+std::vector<std::vector<double>> name_q_values(const std::vector<SubmissionRow>& valves) {
+  std::vector<double> probabilities;
+  for (const SubmissionRow& valve : valves) {
+    for (const CauseSummary& cause : settled_causes(valve)) probabilities.push_back(cause.probability);
+  }
+  const std::vector<double> q = q_values(probabilities);
+  std::vector<std::vector<double>> by_valve;
+  auto next = q.begin();
+  for (const SubmissionRow& valve : valves) {
+    const auto end = next + static_cast<std::ptrdiff_t>(settled_causes(valve).size());
+    by_valve.emplace_back(next, end);
+    next = end;
+  }
+  return by_valve;
+}
+
 std::vector<StandAlarm> stand_alarms(const std::vector<SubmissionRow>& valves) {
-  std::map<std::string, StandAlarm> runs;  // by stand, the one that goes on
+  std::map<std::string, std::map<std::string, StandAlarm>> runs;  // those that go on, by stand and cause
   std::vector<StandAlarm> alarms;
   const auto end = [&](StandAlarm& run, bool current) {
     run.current = current;
-    if (run.valves.size() >= kAlarmValves) alarms.push_back(run);
-    run = {};
+    if (run.valves.size() >= kAlarmValves) alarms.push_back(std::move(run));
   };
   for (std::size_t i = 0; i < valves.size(); ++i) {
-    const SubmissionRow& valve = valves[i];
-    if (!valve.labels.stand) continue;
-    const bool named = valve.summary.conclusion == "named" && valve.summary.top_cause;
-    const std::string cause = named && is_stand_cause(*valve.summary.top_cause) ? *valve.summary.top_cause : "";
-    StandAlarm& run = runs[*valve.labels.stand];
-    if (run.cause != cause) end(run, false);
-    if (cause.empty()) continue;
-    run.stand = *valve.labels.stand;
-    run.cause = cause;
-    run.valves.push_back(i);
+    if (!valves[i].labels.stand) continue;
+    const std::string& stand = *valves[i].labels.stand;
+    std::set<std::string> causes;
+    for (const CauseSummary& cause : settled_causes(valves[i])) {
+      if (is_stand_cause(cause.cause)) causes.insert(cause.cause);
+    }
+    std::map<std::string, StandAlarm> going_on;
+    for (const std::string& cause : causes) {
+      auto known = runs[stand].extract(cause);
+      StandAlarm& run = going_on[cause];
+      run = known ? std::move(known.mapped()) : StandAlarm{.stand = stand, .cause = cause, .valves = {}};
+      run.valves.push_back(i);
+    }
+    for (auto& [cause, run] : runs[stand]) end(run, false);
+    runs[stand] = std::move(going_on);
   }
-  for (auto& [stand, run] : runs) end(run, true);
+  for (auto& [stand, of_stand] : runs) {
+    for (auto& [cause, run] : of_stand) end(run, true);
+  }
   std::stable_sort(alarms.begin(), alarms.end(),
                    [](const StandAlarm& a, const StandAlarm& b) { return a.valves.back() > b.valves.back(); });
   return alarms;

@@ -27,7 +27,17 @@ struct FigureHistory {
   std::optional<ControlLimits> limits;
 };
 
-/// Consecutive valves of one stand in which the same cause of origin `stand` is named: the stand needs a look.
+/// Settled causes of a valve, strongest first; none where its newest result has none.
+std::vector<CauseSummary> settled_causes(const SubmissionRow& valve);
+
+/// What a valve is counted under beside its verdict: each of its settled causes; without any its conclusion, empty
+/// where nothing was looked for.
+std::vector<std::string> outcomes(const SubmissionRow& valve);
+
+/// q-values of a lot's names (core/classify/q_values.h): one list per valve, one value per settled cause.
+std::vector<std::vector<double>> name_q_values(const std::vector<SubmissionRow>& valves);
+
+/// Consecutive valves of one stand in which the same cause of origin `stand` is settled: the stand needs a look.
 struct StandAlarm {
   std::string stand, cause;
   std::vector<std::size_t> valves;  ///< index of each, oldest first; two at least

@@ -64,7 +64,7 @@ Result<Response> get_lot_parameters(Service& service, Request& request) {
   Json items = Json::array();
   std::size_t named = 0, read = 0;
   for (auto valve = history->valves.rbegin(); valve != history->valves.rend(); ++valve) {
-    if (valve->summary.conclusion != "named") continue;
+    if (settled_causes(*valve).empty()) continue;
     if (++named > kMaxNamedValves) continue;
     const auto causes = named_causes(service.store, *valve);
     if (!causes) return tl::unexpected(causes.error());

@@ -1,6 +1,7 @@
 #include "server/http/stored_history.h"
 
 #include <iterator>
+#include <set>
 
 namespace valvetriage::http {
 namespace {
@@ -28,7 +29,9 @@ Result<LotHistory> stored_history(Store& store, const Filter& filter) {
 }
 
 Result<Json> named_causes(Store& store, const SubmissionRow& valve) {
-  if (valve.summary.conclusion != "named") return Json::array();
+  std::set<std::string> settled;
+  for (const CauseSummary& cause : settled_causes(valve)) settled.insert(cause.cause);
+  if (settled.empty()) return Json::array();
   const auto row = store.newest_analysis(valve.id);
   if (!row) return tl::unexpected(row.error());
   const auto body = store.analysis_body(row->id);
@@ -37,7 +40,10 @@ Result<Json> named_causes(Store& store, const SubmissionRow& valve) {
   if (!document) return tl::unexpected(document.error());
   const auto found = document->find("discrepancy");
   if (found == document->end() || !found->is_object()) return Json::array();
-  return found->value("causes", Json::array());
+  Json causes = found->value("causes", Json::array());
+  std::erase_if(causes.get_ref<Json::array_t&>(),
+                [&](const Json& cause) { return !settled.contains(cause.value("cause", "")); });
+  return causes;
 }
 
 }  // namespace valvetriage::http

@@ -67,6 +67,19 @@ Result<ReadRecording> read_file(const JobFile& file, const Labels& labels, const
   return read;
 }
 
+/// A cause counts as a name where the contract calls it settled: no rival is left, and nothing is unexplained beside
+/// it.
+std::vector<CauseSummary> causes_of(const Discrepancy& found) {
+  constexpr double kConfident = 0.95;
+  std::vector<CauseSummary> causes;
+  for (const NamedCause& cause : found.causes) {
+    const bool settled =
+        found.conclusion != Conclusion::kUnexplained && cause.alternatives.empty() && cause.probability >= kConfident;
+    causes.push_back({.cause = cause.cause, .probability = cause.probability, .settled = settled});
+  }
+  return causes;
+}
+
 AnalysisSummary summary_of(const Analysis& analysis) {
   const ClassificationResult& classification = analysis.classification;
   AnalysisSummary summary;
@@ -75,6 +88,7 @@ AnalysisSummary summary_of(const Analysis& analysis) {
   summary.action = classification.action;
   if (analysis.discrepancy) {
     summary.conclusion = to_string(analysis.discrepancy->conclusion);
+    summary.causes = causes_of(*analysis.discrepancy);
     if (!analysis.discrepancy->causes.empty()) {
       summary.top_cause = analysis.discrepancy->causes.front().cause;
       summary.top_cause_probability = analysis.discrepancy->causes.front().probability;

@@ -57,12 +57,17 @@ Json to_json(const AnalysisSummary& summary) {
   for (const LevelError& level : summary.errors) {
     errors.push_back({{"level_A", level.level_a}, {"error_eq20", level.error_eq20}});
   }
+  Json causes = Json::array();
+  for (const CauseSummary& cause : summary.causes) {
+    causes.push_back({{"cause", cause.cause}, {"probability", cause.probability}, {"settled", cause.settled}});
+  }
   return {{"verdict", nullable(summary.verdict)},
           {"reason", nullable(summary.reason)},
           {"action", nullable(summary.action)},
           {"conclusion", nullable(summary.conclusion)},
           {"top_cause", nullable(summary.top_cause)},
           {"top_cause_probability", nullable(summary.top_cause_probability)},
+          {"causes", std::move(causes)},
           {"errors", std::move(errors)},
           {"features", summary.features}};
 }
@@ -75,6 +80,11 @@ AnalysisSummary summary_from(JsonFields fields) {
   summary.conclusion = fields.optional_text("conclusion");
   summary.top_cause = fields.optional_text("top_cause");
   summary.top_cause_probability = fields.optional_number("top_cause_probability");
+  for (JsonFields cause : fields.objects("causes")) {
+    CauseSummary entry{.cause = cause.text("cause"), .probability = cause.number("probability")};
+    entry.settled = cause.flag("settled");
+    summary.causes.push_back(std::move(entry));
+  }
   for (JsonFields level : fields.objects("errors")) {
     const double level_a = level.number("level_A");
     summary.errors.push_back({level_a, level.number("error_eq20")});

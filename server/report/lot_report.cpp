@@ -6,6 +6,7 @@
 #include <cmath>
 #include <set>
 
+#include "core/classify/q_values.h"
 #include "server/report/markup.h"
 #include "server/report/sentence.h"
 
@@ -33,25 +34,40 @@ std::string verdicts_part(const LotReport& report) {
   return drawn(bar_plot("Valves by verdict", bars));
 }
 
-/// What is said of a valve in one cell: a cause is named plainly only where it is settled.
-std::string what_is_wrong(const LotReportValve& valve) {
-  if (valve.conclusion == "unexplained") return "unexplained";
-  if (valve.conclusion == "none") return "none";
-  if (valve.cause.empty()) return valve.conclusion == "ambiguous" ? "not settled" : "–";
-  const std::string cause = fmt::format("{}, {}", spoken(valve.cause), percent(valve.probability));
-  return valve.conclusion == "ambiguous" ? "not settled: " + cause : cause;
+/// Below 0.001 more digits mean nothing.
+std::string q_text(double q) {
+  return q < 0.001 ? "q < 0.001" : fmt::format("q {:.2g}", q);
 }
 
-/// Settled causes, most frequent first; what is not settled or not explained stands apart, for it is no cause.
+/// What is said of a valve in one cell: a cause is named plainly only where it is settled.
+std::string what_is_wrong(const LotReportValve& valve) {
+  std::string said;
+  for (const LotReportName& name : valve.names) {
+    said += fmt::format("{}{}, {} ({})", said.empty() ? "" : "; ", spoken(name.cause), percent(name.probability),
+                        q_text(name.q_value));
+  }
+  if (!said.empty()) return said;
+  if (valve.conclusion == "unexplained" || valve.conclusion == "none") return valve.conclusion;
+  if (valve.conclusion != "ambiguous") return "–";
+  if (valve.likely.empty()) return "not settled";
+  return fmt::format("not settled: {}, {}", spoken(valve.likely), percent(valve.likely_probability));
+}
+
+std::string few(double expected) {
+  return expected < 0.1 ? "fewer than 0.1" : fmt::format("{:.2g}", expected);
+}
+
+/// Settled causes, most frequent first, a valve with each of its own; what is not settled or not explained stands
+/// apart, for it is no cause.
 std::string causes_part(const LotReport& report) {
   std::map<std::string, int> settled, apart;
-  int named = 0;
-  double expected_false = 0;  // what is missing to certainty, summed
+  std::vector<double> probabilities;
+  double largest_q = 0;
   for (const LotReportValve& valve : report.valves) {
-    if (valve.conclusion == "named") {
-      ++settled[spoken(valve.cause)];
-      ++named;
-      expected_false += std::isfinite(valve.probability) ? 1 - valve.probability : 1;
+    for (const LotReportName& name : valve.names) {
+      ++settled[spoken(name.cause)];
+      probabilities.push_back(name.probability);
+      largest_q = std::max(largest_q, name.q_value);
     }
     if (valve.conclusion == "ambiguous") ++apart["Not settled"];
     if (valve.conclusion == "unexplained") ++apart["Unexplained"];
@@ -67,9 +83,12 @@ std::string causes_part(const LotReport& report) {
   }
   if (bars.empty()) return "<p>No valve of this lot has a cause.</p>\n";
   std::string body = drawn(bar_plot("Valves by settled cause", bars));
-  if (named > 0) {
-    body += fmt::format("<p class=\"small\">Names: {}. Expected to be false, by the probabilities given: {}.</p>\n",
-                        named, expected_false < 0.1 ? "fewer than 0.1" : fmt::format("{:.2g}", expected_false));
+  if (!probabilities.empty()) {
+    body += fmt::format(
+        "<p class=\"small\">Names: {}. Expected to be false, by the probabilities given: {} ({} for all of them "
+        "together). The q-value beside a name is the share of false ones expected among the names at least as sure as "
+        "it.</p>\n",
+        probabilities.size(), few(expected_false(probabilities)), q_text(largest_q));
   }
   return body;
 }
@@ -119,12 +138,12 @@ std::string making_part(const LotReport& report) {
 
 std::string lot_report_html(const LotReport& report) {
   const std::string title = "Lot " + report.lot;
-  return html_page(
-      title, fmt::format("<h1>{}</h1>\n<p>{} valves with a result, received {} to {}</p>\n", escaped(title),
-                         report.valves.size(), escaped(report.first_received_at), escaped(report.last_received_at)) +
-                 section("Verdicts", verdicts_part(report)) + section("Causes", causes_part(report)) +
-                 section("Error over time", errors_part(report)) + section("Valves", valves_part(report)) +
-                 section("How it was made", making_part(report)));
+  return html_page(title, fmt::format("<h1>{}</h1>\n<p>{} with a result, received {} to {}</p>\n", escaped(title),
+                                      counted(report.valves.size(), "valve"), escaped(report.first_received_at),
+                                      escaped(report.last_received_at)) +
+                              section("Verdicts", verdicts_part(report)) + section("Causes", causes_part(report)) +
+                              section("Error over time", errors_part(report)) + section("Valves", valves_part(report)) +
+                              section("How it was made", making_part(report)));
 }
 
 }  // namespace valvetriage::report

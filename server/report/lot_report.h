@@ -9,10 +9,18 @@
 
 namespace valvetriage::report {
 
+/// A settled cause of a valve. q_value: core/classify/q_values.h, over all names of the lot.
+struct LotReportName {
+  std::string cause;
+  double probability = 0, q_value = 0;
+};
+
 /// One valve of a lot by its newest result; empty texts where there is nothing.
 struct LotReportValve {
-  std::string serial, received_at, verdict, conclusion, cause;
-  double probability = 0;               ///< of the cause; NaN where there is none
+  std::string serial, received_at, verdict, conclusion;
+  std::vector<LotReportName> names;     ///< strongest first
+  std::string likely;                   ///< the strongest cause where it is not settled
+  double likely_probability = 0;        ///< of it
   std::map<double, double> error_eq20;  ///< level in A → error
   std::string engine_version, settings_sha256, result_sha256;
 };

@@ -212,4 +212,8 @@ Summary summarise(const Analysis& analysis) {
   return summary;
 }
 
+std::string counted(std::size_t count, const char* singular) {
+  return fmt::format("{} {}{}", count, singular, count == 1 ? "" : "s");
+}
+
 }  // namespace valvetriage::report

@@ -31,4 +31,7 @@ std::string quantity(double value, const std::string& unit);
 /// A probability as a person says it: "98 %", "over 99 %", "under 1 %".
 std::string percent(double probability);
 
+/// "1 valve", "2 valves".
+std::string counted(std::size_t count, const char* singular);
+
 }  // namespace valvetriage::report

@@ -53,9 +53,20 @@ struct LevelError {
   bool operator==(const LevelError&) const = default;
 };
 
+/// One entry of `discrepancy.causes`. settled: it has no rival left and its result is not `unexplained`, so that it
+/// counts as a name.
+struct CauseSummary {
+  std::string cause{};
+  double probability = 0;
+  bool settled = false;
+
+  bool operator==(const CauseSummary&) const = default;
+};
+
 /// What lists, lots and charts show of an analysis, kept beside it so that no list opens a body.
 ///
 /// top_cause             the strongest entry of `discrepancy.causes`; absent where there is none
+/// causes                every entry, strongest first
 /// errors                Eq 20 error by current level
 /// features              of the frequency response at the smallest amplitude, by name with its unit: bandwidth_hz, …;
 ///                       empty without a sweep
@@ -66,6 +77,7 @@ struct AnalysisSummary {
   std::optional<std::string> conclusion{};
   std::optional<std::string> top_cause{};
   std::optional<double> top_cause_probability{};
+  std::vector<CauseSummary> causes{};
   std::vector<LevelError> errors{};
   std::map<std::string, double> features{};
 
@@ -196,7 +208,7 @@ struct EventRow {
 /// A lot, counted by valve (by serial; without one every submission counts as a valve), each by its newest result.
 ///
 /// verdicts   verdict -> valves; the empty key stands for a result without a verdict
-/// causes     strongest cause -> valves; valves without one are not in it
+/// causes     settled cause -> valves; a valve counts with each of its own
 struct LotRow {
   std::string lot{};
   TimestampMs first_received_at = 0;
@@ -274,8 +286,8 @@ struct NewAnalysis {
 /// kReturned   handed back by a server that is going down: queued again, the attempt not counted
 enum class AttemptEnd { kRejected, kFault, kTimeout, kCrash, kFailed, kReturned };
 
-/// All given fields must match. `cause` is the strongest cause. `since` is inclusive, `until` exclusive, of
-/// received_at.
+/// All given fields must match. `cause` is any cause of the newest result, settled or not. `since` is inclusive,
+/// `until` exclusive, of received_at.
 struct Filter {
   std::optional<std::string> lot{};
   std::optional<std::string> serial{};

@@ -1,5 +1,5 @@
 // Small charts of lots, drawn as SVG: one mark per valve, limits as lines, links to the valves.
-import { figure } from "./format.js";
+import { counted, figure } from "./format.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 const WIDTH = 1000;
@@ -145,7 +145,7 @@ export function verdictColumns(valves, height = 200) {
   const size = Math.max(1, Math.ceil(valves.length / GROUPS_AT_MOST));
   const groups = [];
   for (let i = 0; i < valves.length; i += size) groups.push(valves.slice(i, i + size));
-  const label = `Verdicts of ${valves.length} valves in the order received, ${size} a column`;
+  const label = `Verdicts of ${counted(valves.length, "valve")} in the order received, ${size} a column`;
   const { node, y } = frame({ height, low: 0, high: size, whole: true, label, yTitle: "valves", xTitle: `valves in the order received${size > 1 ? `, ${size} a column` : ""}` });
   const x = across(groups.length);
   const width = Math.min(60, 0.8 * (x(1) - x(0)));

@@ -1,7 +1,7 @@
 // Two lots, two stands, or one lot on two stands beside each other; and the stands with their alarms.
 import { get } from "./api.js";
 import { address, el, field, section } from "./dom.js";
-import { conclusionWords, figure, isCause, spoken, time } from "./format.js";
+import { conclusionWords, counted, figure, isCause, spoken, time } from "./format.js";
 import { table } from "./table.js";
 
 const SIDES = ["lot", "stand", "with_lot", "with_stand"];
@@ -21,13 +21,11 @@ const differs = (p) => (p !== null && p < CLEAR ? el("strong", {}, `${chance(p)}
 const outcomeName = (name) => (isCause(name) ? spoken(name) : conclusionWords(name));
 
 function shareTable(shares, sides, caption, nameOf) {
-  const of = (side) => shares.reduce((sum, share) => sum + share[side], 0);
-  const [all, others] = [of("a"), of("b")];
   const cell = (count, total) => (total ? `${count} (${Math.round(100 * count / total)} %)` : "–");
   return table([
     { title: caption, value: (share) => nameOf(share.name) },
-    { title: sides[0], value: (share) => share.a / (all || 1), show: (share) => cell(share.a, all), number: true },
-    { title: sides[1], value: (share) => share.b / (others || 1), show: (share) => cell(share.b, others), number: true },
+    { title: sides[0], value: (share) => share.a / (share.of_a || 1), show: (share) => cell(share.a, share.of_a), number: true },
+    { title: sides[1], value: (share) => share.b / (share.of_b || 1), show: (share) => cell(share.b, share.of_b), number: true },
     { title: "Chance if equal", value: (share) => share.p_value, show: (share) => differs(share.p_value), number: true },
   ], shares, { caption: `${caption}: valves and shares, with Fisher's exact test`, empty: "Nothing to compare yet." });
 }
@@ -62,6 +60,9 @@ export function alarmText(alarm) {
     valves.slice(0, 10).map((valve, i) => [i ? ", " : "", link(valve)]), valves.length > 10 ? `, and ${valves.length - 10} more` : "", "."];
 }
 
+/// Of stands as the service lists them.
+export const currentAlarms = (stands) => stands.flatMap((stand) => stand.alarms).filter((alarm) => alarm.current);
+
 export function alarmList(alarms) {
   if (alarms.length === 0) return null;
   return el("ul", { class: "alarms" }, alarms.map((alarm) => el("li", { class: alarm.current ? "current" : null }, alarmText(alarm))));
@@ -85,12 +86,12 @@ export async function showCompare({ parameters, signal }) {
   const complete = asked("lot") && asked("with_lot");
   const [lots, stands, found] = await Promise.all([get("/v1/lots?limit=200", signal), get("/v1/stands", signal),
     complete ? get(`/v1/comparison?${query}`, signal) : null]);
-  const alarms = stands.items.map((stand) => stand.alarm).filter((alarm) => alarm?.current);
+  const alarms = currentAlarms(stands.items);
   const sides = found ? [sideName(found.a), sideName(found.b)] : [];
   const node = el("div", {}, el("h1", {}, "Compare"), alarmList(alarms),
     form(parameters, lots.items.map((lot) => lot.lot), stands.items.map((stand) => stand.stand)),
     found ? [
-      el("p", {}, el("bdi", {}, sides[0]), `: ${found.a.valves} valves; `, el("bdi", {}, sides[1]), `: ${found.b.valves} valves. `,
+      el("p", {}, el("bdi", {}, sides[0]), `: ${counted(found.a.valves, "valve")}; `, el("bdi", {}, sides[1]), `: ${counted(found.b.valves, "valve")}. `,
         "The chance is that of so large a difference between two halves of one population."),
       section("Verdicts", shareTable(found.verdicts, sides, "Verdict", (name) => name)),
       section("Causes", shareTable(found.causes, sides, "Cause", outcomeName)),

@@ -58,6 +58,9 @@ export function featureWords(name) {
   return [spoken(stem), FEATURE_UNITS[unit] ?? ""];
 }
 
+/// "1 valve", "2 valves".
+export const counted = (count, singular, plural = `${singular}s`) => `${count} ${count === 1 ? singular : plural}`;
+
 export function bytes(count) {
   if (count < 1e3) return `${count} B`;
   return count < 1e6 ? `${figure(count / 1e3)} kB` : `${figure(count / 1e6)} MB`;
@@ -75,6 +78,15 @@ const CONCLUSIONS = { none: "Nothing wrong", named: "Named", ambiguous: "Not set
 /// Whether a name is a cause, or one of the words that stand where no cause is settled.
 export const isCause = (name) => !Object.hasOwn(CONCLUSIONS, name) && !["other", "not_analysed"].includes(name);
 export const conclusionWords = (conclusion) => CONCLUSIONS[conclusion] ?? "–";
+
+/// q-value of a name: below 0.001 more digits mean nothing.
+export const qValue = (q) => (q < 0.001 ? "q < 0.001" : `q ${figure(q, 2)}`);
+
+/// Every settled cause of a lot's valve with its probability and q-value; without any as in a list.
+export function causesCell(valve) {
+  if (valve.causes.length === 0) return causeCell(valve);
+  return valve.causes.map((c) => `${spoken(c.cause)}, ${percent(c.probability)} (${qValue(c.q_value)})`).join("; ");
+}
 
 /// Cause of a row in a list: named plainly only where it is settled.
 export function causeCell(row) {

@@ -2,7 +2,7 @@
 import { get } from "./api.js";
 import { distributionChart } from "./chart.js";
 import { address, el, field, keepInAddress, options } from "./dom.js";
-import { quantity, scaled, spoken, withDeviation } from "./format.js";
+import { counted, quantity, scaled, spoken, withDeviation } from "./format.js";
 
 /// The value below which `share` of the sorted values lie, between two of them by their distance.
 export function quantile(sorted, share) {
@@ -24,9 +24,9 @@ function parameterChart(cause, parameter) {
     title: `${v.serial ?? "without serial"}: ${quantity(v.value, parameter.unit)}` }));
   return el("div", {},
     el("h3", {}, el("code", {}, parameter.name)),
-    el("p", { class: "small" }, `${sorted.length} ${sorted.length === 1 ? "valve" : "valves"}: ${middle}; lines are 95 % intervals`,
+    el("p", { class: "small" }, `${counted(sorted.length, "valve")}: ${middle}; lines are 95 % intervals`,
       band ? `, the band is good valves (${withDeviation(times(mean), times(2 * sd))}${unit ? ` ${unit}` : ""})` : null, "."),
-    distributionChart({ values, band, label: `${parameter.name} of ${spoken(cause).toLowerCase()} over ${sorted.length} valves: ${middle}`,
+    distributionChart({ values, band, label: `${parameter.name} of ${spoken(cause).toLowerCase()} over ${counted(sorted.length, "valve")}: ${middle}`,
       xTitle: `${parameter.name.replace(/_[A-Za-z]+(_per_s)?$/, "").replaceAll("_", " ")}${unit ? ` [${unit}]` : ""}` }));
 }
 

@@ -2,7 +2,7 @@
 import { get } from "./api.js";
 import { residualChart } from "./chart.js";
 import { address, el } from "./dom.js";
-import { figure } from "./format.js";
+import { counted, figure } from "./format.js";
 
 const link = (valve) => el("a", { href: address("valve", valve.submission_id) }, valve.serial ?? "without serial");
 
@@ -26,7 +26,7 @@ function shown(answer) {
   if (unexplained === 0) return [el("p", { class: "empty" }, "No valve of this lot is unexplained.")];
   if (unexplained === 1) return [el("p", {}, "One valve is unexplained: ", link(alone[0]), ". A pattern needs two.")];
   const scope = `${compared < unexplained ? `The newest ${compared} of ${unexplained}` : unexplained} unexplained valves were compared`;
-  const beyond = good ? `, beyond what ${good} valves leave in which nothing is wrong` : "";
+  const beyond = good ? `, beyond what ${counted(good, "valve")} ${good === 1 ? "leaves" : "leave"} in which nothing is wrong` : "";
   return [
     el("p", { class: "small" }, `${scope}${beyond}. In brackets: how typical the valve is of its group. Lines: mean residual; tinted: one standard deviation of the members`,
       good ? "; dashed: the good valves." : "."),

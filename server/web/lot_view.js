@@ -1,9 +1,9 @@
 // Lots: the list with counts, and one lot with its verdicts, errors and causes.
 import { get } from "./api.js";
 import { individualsChart, verdictColumns } from "./chart.js";
-import { alarmList } from "./compare_view.js";
+import { alarmList, currentAlarms } from "./compare_view.js";
 import { address, el, field, keepInAddress, options, section } from "./dom.js";
-import { causeCell, featureWords, figure, spoken, time, verdictMark } from "./format.js";
+import { causesCell, counted, featureWords, figure, qValue, spoken, time, verdictMark } from "./format.js";
 import { barRow } from "./gain_bar.js";
 import { parametersPart } from "./lot_parameters.js";
 import { patternsPart } from "./lot_patterns.js";
@@ -34,7 +34,7 @@ export async function showLots({ parameters, signal }) {
   const query = new URLSearchParams({ limit: "100" });
   if (parameters.has("cursor")) query.set("cursor", parameters.get("cursor"));
   const [page, stands] = await Promise.all([get(`/v1/lots?${query}`, signal), get("/v1/stands", signal)]);
-  const alarms = stands.items.map((stand) => stand.alarm).filter((alarm) => alarm?.current);
+  const alarms = currentAlarms(stands.items);
   const empty = el("span", {}, "There is no lot yet. Recordings that name a lot make one: ", el("a", { href: "#/upload" }, "upload some"), ".");
   const node = el("div", {}, el("h1", {}, "Lots"), alarmList(alarms),
     table(lotColumns(), page.items, { caption: "Lots, newest first, counted by valve", empty, sort: parameters.get("sort") ?? "", keep: true }),
@@ -44,37 +44,41 @@ export async function showLots({ parameters, signal }) {
 }
 
 /// How many of the named causes are expected to be another one: the sum of what is missing to certainty.
-export function expectedFalse(valves) {
-  return valves.filter((v) => v.conclusion === "named").reduce((sum, v) => sum + 1 - (v.top_cause_probability ?? 0), 0);
+export function expectedFalse(names) {
+  return names.reduce((sum, name) => sum + 1 - name.probability, 0);
 }
 
-function falseNames(valves) {
-  const named = valves.filter((v) => v.conclusion === "named").length;
-  if (named === 0) return null;
-  const expected = expectedFalse(valves);
-  const text = expected < 0.1 ? "fewer than 0.1" : figure(expected, 2);
-  return el("p", { class: "small" }, `Of ${named} ${named === 1 ? "name" : "names"}, ${text} ${expected < 0.1 || expected > 1 ? "are" : "is"} expected to be false, by the probabilities they were given.`);
+const few = (expected) => (expected < 0.1 ? "fewer than 0.1" : figure(expected, 2));
+
+function falseNames(names) {
+  if (names.length === 0) return null;
+  const expected = expectedFalse(names);
+  const worst = Math.max(...names.map((name) => name.q_value));
+  return el("p", { class: "small" }, `Of ${counted(names.length, "name")}, ${few(expected)} ${expected < 0.1 || expected > 1 ? "are" : "is"} expected to be false, by the probabilities they were given: ${qValue(worst)} for all of them together. `,
+    "The q-value beside a name is the share of false ones expected among the names at least as sure as it.");
 }
 
-/// Bars of the settled causes, most frequent first, with the share that all down to here make together; what is not
-/// settled or not explained stands apart, for it is no cause.
+/// Bars of the settled causes, most frequent first, with the share that all down to here make together; a valve counts
+/// with each of its causes. What is not settled or not explained stands apart, for it is no cause.
 function pareto(lot, valves) {
   const tally = new Map();
-  for (const valve of valves.filter((v) => v.conclusion === "named")) tally.set(valve.top_cause, (tally.get(valve.top_cause) ?? 0) + 1);
+  const names = valves.flatMap((valve) => valve.causes);
+  for (const { cause } of names) tally.set(cause, (tally.get(cause) ?? 0) + 1);
   const sorted = [...tally].sort((a, b) => b[1] - a[1]);
+  const ofCause = (cause) => few(expectedFalse(names.filter((name) => name.cause === cause)));
   const apart = [["ambiguous", "Not settled"], ["unexplained", "Unexplained"]]
     .map(([conclusion, title]) => [title, valves.filter((v) => v.conclusion === conclusion).length]).filter(([, count]) => count > 0);
   if (sorted.length + apart.length === 0) return el("p", { class: "empty" }, "No valve of this lot has a cause.");
   const all = sorted.reduce((sum, [, count]) => sum + count, 0);
   const largest = Math.max(...sorted.map(([, count]) => count), ...apart.map(([, count]) => count));
   let sum = 0;
-  const bars = el("table", { class: "bars" }, el("caption", {}, "Valves by settled cause, with the cumulated share"), el("tbody", {},
+  const bars = el("table", { class: "bars" }, el("caption", {}, "Valves by settled cause, the cumulated share, and how many of the names are expected to be false"), el("tbody", {},
     sorted.map(([cause, count]) => {
       sum += count;
-      return barRow(el("a", { href: address("valves", null, { lot, cause }) }, spoken(cause)), "tally", count / largest, `${count} (${Math.round(100 * sum / all)} %)`);
+      return barRow(el("a", { href: address("valves", null, { lot, cause }) }, spoken(cause)), "tally", count / largest, `${count} (${Math.round(100 * sum / all)} %), false: ${ofCause(cause)}`);
     }),
     apart.map(([title, count]) => barRow(title, "floor", count / largest, String(count)))));
-  return el("div", {}, bars, falseNames(valves));
+  return el("div", {}, bars, falseNames(names));
 }
 
 const FIRED = 20; // times that a rule fired which are listed; the chart rings all
@@ -175,7 +179,7 @@ function standPart(lot, valves) {
     { title: "Stand", value: (row) => row.stand, show: (row) => (row.stand ? el("a", { href: address("valves", null, { lot, stand: row.stand }) }, row.stand) : "not named") },
     { title: "Valves", value: (row) => row.of.length, number: true },
     ...["Good", "Malfunctioned", "Severe"].map((verdict) => ({ title: verdict, value: (row) => share(row, (v) => v.verdict === verdict), number: true })),
-    { title: "Named", value: (row) => share(row, (v) => v.conclusion === "named"), number: true },
+    { title: "Named", value: (row) => share(row, (v) => v.causes.length > 0), number: true },
     { title: "Unexplained", value: (row) => share(row, (v) => v.conclusion === "unexplained"), number: true },
     { title: "Beside", value: () => null, show: (row) => (row.stand && other(row)
       ? el("a", { href: address("compare", null, { lot, stand: row.stand, with_lot: lot, with_stand: other(row).stand }) }, `compare with ${other(row).stand}`) : "–") },
@@ -188,7 +192,7 @@ function valveTable(history) {
     { title: "Received", value: (valve) => valve.received_at, show: (valve) => time(valve.received_at) },
     { title: "Serial", value: (valve) => valve.serial, show: (valve) => el("a", { href: address("valve", valve.submission_id) }, valve.serial ?? "without serial") },
     { title: "Verdict", value: (valve) => valve.verdict, show: (valve) => verdictMark(valve.verdict) },
-    { title: "What is wrong", value: causeCell },
+    { title: "What is wrong", value: causesCell },
     ...figures,
   ], history.valves, { caption: "Valves, each by its newest result; the error (Eq 20) by level, then figures of the frequency response", empty: "No result yet." });
 }
@@ -200,7 +204,7 @@ export async function showLot({ argument, parameters, signal }) {
   const patterns = patternsPart(path, signal);
   const node = el("div", {},
     el("h1", {}, "Lot ", argument),
-    el("p", {}, `${lot.valves} valves in ${lot.submissions} sessions, ${lot.analysed_valves} analysed; received `, time(lot.first_received_at), " to ", time(lot.last_received_at), ". ",
+    el("p", {}, `${counted(lot.valves, "valve")} in ${counted(lot.submissions, "session")}, ${lot.analysed_valves} analysed; received `, time(lot.first_received_at), " to ", time(lot.last_received_at), ". ",
       el("a", { href: address("valves", null, { lot: argument }) }, "All sessions"), " ",
       el("a", { href: address("compare", null, { lot: argument }) }, "compare"), " ", reportLink(`Lot ${argument}`, `${path}/report`)),
     alarmList(history.alarms),

@@ -1,5 +1,6 @@
 // Tables whose columns sort.
 import { el, keepInAddress } from "./dom.js";
+import { counted } from "./format.js";
 
 function compare(a, b) {
   if (a === b) return 0;
@@ -48,7 +49,7 @@ export function table(columns, rows, { caption, empty = "Nothing here.", sort = 
   function showRest() {
     const left = rows.length - most;
     rest.hidden = left <= 0;
-    rest.replaceChildren(el("span", { role: "status" }, `${Math.min(most, rows.length)} of ${rows.length} rows`),
+    rest.replaceChildren(el("span", { role: "status" }, `${Math.min(most, rows.length)} of ${counted(rows.length, "row")}`),
       el("button", { type: "button", onclick: () => {
         most += MORE_ROWS;
         fill();

@@ -1,7 +1,7 @@
 // The field's confusion table: what was named beside what teardown found.
 import { get } from "./api.js";
 import { address, el, section } from "./dom.js";
-import { conclusionWords, isCause, spoken } from "./format.js";
+import { conclusionWords, counted, isCause, spoken } from "./format.js";
 
 const FOUND = new Map([["none", "Nothing wrong"], ["other", "Something else"]]);
 
@@ -36,7 +36,7 @@ export async function showTeardown({ signal }) {
   const node = el("div", {}, el("h1", {}, "Teardown"),
     items.length === 0
       ? el("p", { class: "empty" }, "Nobody has entered yet what teardown found. It is entered on the page of a valve, under Teardown: ", el("a", { href: "#/valves" }, "choose one"), ".")
-      : [el("p", {}, `${findings} findings in ${valves} valves. `, named ? `Of ${named} valves with a settled cause, teardown found that cause in ${right} (${Math.round(100 * right / named)} %).` : "None of them has a settled cause."),
+      : [el("p", {}, `${counted(findings, "finding")} in ${counted(valves, "valve")}. `, named ? `Of ${counted(named, "valve")} with a settled cause, teardown found that cause in ${right} (${Math.round(100 * right / named)} %).` : "None of them has a settled cause."),
         section("Named and found", confusionTable(items))]);
   return { node, title: "Teardown" };
 }

@@ -2,7 +2,7 @@
 import { Problem, authorization, get } from "./api.js";
 import { address, append, el, field, options } from "./dom.js";
 import { follow } from "./events.js";
-import { bytes, isFinal, verdictMark } from "./format.js";
+import { bytes, counted, isFinal, verdictMark } from "./format.js";
 import { problemText } from "./valve_view.js";
 
 const AT_A_TIME = 3;
@@ -203,7 +203,7 @@ export async function showUpload({ signal }) {
   }
 
   function showTotal() {
-    total.textContent = all ? `${ended} of ${all} valves have ended.` : "";
+    total.textContent = all ? `${ended} of ${counted(all, "valve")} ${all === 1 ? "has" : "have"} ended.` : "";
   }
 
   async function sendAll() {
@@ -235,8 +235,8 @@ export async function showUpload({ signal }) {
     }
     list.hidden = body.rows.length === 0;
     start.hidden = waiting.length === 0;
-    start.textContent = `Upload ${waiting.length} ${waiting.length === 1 ? "valve" : "valves"}`;
-    total.textContent = ignored ? `${ignored} files are no recordings (CSV, JSON or MAT) and were left out.` : "";
+    start.textContent = `Upload ${counted(waiting.length, "valve")}`;
+    total.textContent = ignored ? `${ignored === 1 ? "1 file is no recording" : `${ignored} files are no recordings`} (CSV, JSON or MAT) and ${ignored === 1 ? "was" : "were"} left out.` : "";
   }
 
   start.addEventListener("click", sendAll);

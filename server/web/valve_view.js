@@ -1,12 +1,12 @@
 // One valve: its verdict, what the simulation gets wrong, its recordings, what teardown found, its history.
 import { get, post, save } from "./api.js";
 import { bodeChart } from "./bode_chart.js";
-import { alarmList } from "./compare_view.js";
+import { alarmList, currentAlarms } from "./compare_view.js";
 import { address, el, keepInAddress, section } from "./dom.js";
 import { reportLink } from "./report_link.js";
 import { follow } from "./events.js";
 import { findingsPart } from "./findings.js";
-import { bytes, conclusionWords, featureWords, figure, isFinal, percent, quantity, scaled, spoken, time, verdictMark, withDeviation } from "./format.js";
+import { bytes, conclusionWords, counted, featureWords, figure, isFinal, percent, quantity, scaled, spoken, time, verdictMark, withDeviation } from "./format.js";
 import { barRow, gainBars } from "./gain_bar.js";
 import { sessionColumns } from "./list_view.js";
 import { recordingPlots } from "./plots.js";
@@ -153,7 +153,7 @@ function discrepancyPart(analysis, summary, name) {
 
 function qualityList(summary) {
   if (!summary || summary.quality.length === 0) return el("p", { class: "small" }, "Nothing odd about this recording.");
-  return el("ul", { class: "quality" }, summary.quality.map((item) => el("li", {}, el("strong", {}, spoken(item.code)), `, ${item.count} ${item.count === 1 ? "sample" : "samples"}: ${item.detail}`)));
+  return el("ul", { class: "quality" }, summary.quality.map((item) => el("li", {}, el("strong", {}, spoken(item.code)), `, ${counted(item.count, "sample")}: ${item.detail}`)));
 }
 
 function downloadLinks(recording, extended) {
@@ -298,10 +298,10 @@ export async function showValve({ argument, parameters, signal, again }) {
     submission.state === "done" ? get(`${submission.links.self}/analyses`, signal) : { items: [] },
     submission.serial ? findingsPart(submission.serial, signal) : null,
     submission.stand ? get("/v1/stands", signal) : { items: [] }]);
-  const alarm = stands.items.find((stand) => stand.stand === submission.stand)?.alarm;
+  const alarms = currentAlarms(stands.items.filter((stand) => stand.stand === submission.stand));
   const name = submission.serial ?? submission.id;
   const parts = [head(submission, found?.analysis, again, el("span", { role: "status" })),
-    alarm?.current ? alarmList([alarm]) : null];
+    alarmList(alarms)];
   const later = [];
   const add = (part) => {
     parts.push(part.node);

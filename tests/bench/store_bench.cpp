@@ -52,7 +52,9 @@ void fill(const std::string& file) {
       "INSERT INTO lots (lot, first_received_at, last_received_at, recordings, submissions) "
       "SELECT lot, min(received_at), max(received_at), count(*), count(*) FROM submissions GROUP BY lot");
   connection.script(
-      "INSERT INTO lot_valves SELECT lot, 'serial ' || serial, seq, verdict, coalesce(top_cause, '') FROM submissions");
+      "INSERT INTO lot_valves SELECT lot, 'serial ' || serial, seq, verdict FROM submissions;"
+      "INSERT INTO submission_causes SELECT top_cause, received_at, seq FROM submissions WHERE top_cause IS NOT NULL;"
+      "INSERT INTO lot_causes SELECT lot, top_cause, 'serial ' || serial FROM submissions WHERE top_cause IS NOT NULL");
   connection.script("COMMIT");
 }
 

@@ -58,7 +58,8 @@ def fill(database):
                json_array(2.0, error())) FROM n;
            INSERT INTO lots (lot, first_received_at, last_received_at, recordings, submissions)
            SELECT lot, min(received_at), max(received_at), count(*), count(*) FROM submissions GROUP BY lot;
-           INSERT INTO lot_valves SELECT lot, 'serial ' || serial, seq, verdict, coalesce(top_cause, '') FROM submissions;
+           INSERT INTO lot_valves SELECT lot, 'serial ' || serial, seq, verdict FROM submissions;
+           INSERT INTO submission_causes SELECT top_cause, received_at, seq FROM submissions WHERE top_cause IS NOT NULL;
            COMMIT;""")
     rows.close()
 

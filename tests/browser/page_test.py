@@ -12,26 +12,26 @@ sys.path.insert(0, str(pathlib.Path(__file__).parent))
 from chromium import Chromium  # noqa: E402
 from page_server import HOSTILE, Server, recording  # noqa: E402
 
+
 class Page(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         cls._folder = tempfile.TemporaryDirectory(prefix="valvetriage-")
+        cls.addClassCleanup(cls._folder.cleanup)
         cls.folder = pathlib.Path(cls._folder.name)
         (cls.folder / "data").mkdir()
+        if PICTURES:
+            pathlib.Path(PICTURES).mkdir(parents=True, exist_ok=True)
         cls.server = Server(SERVER, str(cls.folder / "data"))
+        cls.addClassCleanup(cls.server.end)
         cls.browser = Chromium(CHROMIUM)
         cls.browser.__enter__()
+        cls.addClassCleanup(cls.browser.__exit__)
         cls.files = [cls.folder / name for name in ("good.csv", "bad.csv", f"{HOSTILE.replace('/', '')}.csv")]
         cls.files[0].write_text(recording("EFC-104233", "2026-W31-B", stuck=True))
         cls.files[1].write_text(recording("EFC-104234", "2026-W31-B", bad_line=9))
         cls.files[2].write_text(recording(HOSTILE, HOSTILE))
         cls.upload()
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.browser.__exit__()
-        cls.server.end()
-        cls._folder.cleanup()
 
     @classmethod
     def upload(cls):
@@ -177,7 +177,7 @@ class Page(unittest.TestCase):
     def test_two_lots_stand_beside_each_other(self):
         self.open(f"/compare?lot=2026-W31-B&with_lot={urllib.parse.quote(HOSTILE, safe='')}", "Error by level")
         text = self.browser.text()
-        self.assertIn(f"lot 2026-W31-B: 1 valves; lot {HOSTILE}: 1 valves.", text)
+        self.assertIn(f"lot 2026-W31-B: 1 valve; lot {HOSTILE}: 1 valve.", text)
         self.assertIn("too few", text)
         self.assertIsNone(self.browser.run("document.querySelector('main img')"))
         self.picture("compare")
@@ -223,7 +223,7 @@ class Page(unittest.TestCase):
         self.assertEqual(self.browser.run("import('/web/chart.js').then((m) => m.ticks(0, 0.35))"), [0, 0.1, 0.2, 0.3])
         self.browser.run("""import('/web/lot_view.js').then((m) => {
           const errors = [10, 11, 10, 11, 10, 11, 10, 11, 10, 90];
-          const valves = errors.map((error, i) => ({submission_id: `sub_${i}`, serial: `S${i}`, verdict: 'Good', errors: [{level_A: 1.4, error_eq20: error}]}));
+          const valves = errors.map((error, i) => ({submission_id: `sub_${i}`, serial: `S${i}`, verdict: 'Good', causes: [], errors: [{level_A: 1.4, error_eq20: error}]}));
           const level = {level_A: 1.4, centre: 18.4, upper_limit: 45, lower_limit: 0, outside: ['sub_9']};
           const [error] = m.figuresOf({levels: [level], features: []});
           document.querySelector('main').replaceChildren(m.controlCharts(error, valves));
@@ -237,7 +237,7 @@ class Page(unittest.TestCase):
     def test_a_lot_charts_the_figures_of_its_frequency_responses(self):
         self.open("/lot/2026-W31-B", "Figures over time")
         self.browser.run("""import('/web/lot_view.js').then((m) => {
-          const valves = [-24, -26].map((slope, i) => ({submission_id: `sub_${i}`, serial: `S${i}`, verdict: 'Good', errors: [], features: {rolloff_db_per_decade: slope}}));
+          const valves = [-24, -26].map((slope, i) => ({submission_id: `sub_${i}`, serial: `S${i}`, verdict: 'Good', causes: [], errors: [], features: {rolloff_db_per_decade: slope}}));
           const feature = {name: 'rolloff_db_per_decade', centre: -25, upper_limit: -20, lower_limit: -30, outside: []};
           const [rolloff] = m.figuresOf({levels: [], features: [feature]});
           document.querySelector('main').replaceChildren(m.controlCharts(rolloff, valves));

@@ -48,7 +48,7 @@ class Restart(unittest.TestCase):
             self.kill_and_restart(browser)
             self.assertNotIn("1 of 1", browser.text())
             (self.folder / "go").touch()
-            browser.wait_for_text("1 of 1 valves have ended.")
+            browser.wait_for_text("1 of 1 valve has ended.")
             self.assertIn("● Good EFC-1", browser.text())
 
     def test_the_valve_that_is_waited_for_shows_its_result(self):

@@ -79,12 +79,28 @@ TEST_F(HttpLot, RaisesAnAlarmWhereValvesInARowShareACauseOfTheStand) {
   send("EFC-3", "named sensor_offset", "stand-3", "lot-2");
   const Json stands = get("/v1/stands")["items"];
   ASSERT_EQ(stands.size(), 2u);
-  EXPECT_EQ(stands[0]["alarm"], nullptr);
-  EXPECT_EQ(stands[1]["alarm"]["cause"], "sensor_offset");
-  EXPECT_EQ(stands[1]["alarm"]["current"], true);
-  EXPECT_EQ(stands[1]["alarm"]["valves"][1]["serial"], "EFC-3");
+  EXPECT_TRUE(stands[0]["alarms"].empty());
+  ASSERT_EQ(stands[1]["alarms"].size(), 1u);
+  EXPECT_EQ(stands[1]["alarms"][0]["cause"], "sensor_offset");
+  EXPECT_EQ(stands[1]["alarms"][0]["current"], true);
+  EXPECT_EQ(stands[1]["alarms"][0]["valves"][1]["serial"], "EFC-3");
   EXPECT_TRUE(get("/v1/lots/lot-1/history")["alarms"].empty()) << "one valve of this lot";
   EXPECT_EQ(get("/v1/lots/lot-1/history")["valves"][0]["stand"], "stand-3");
+}
+
+TEST_F(HttpLot, CountsEverySettledCauseOfAValveAndTellsItsQValue) {
+  send("EFC-1", "named friction sensor_offset", "stand-3");
+  send("EFC-2", "named sensor_offset", "stand-3");
+  EXPECT_EQ(get("/v1/lots/lot-1")["causes"], (Json{{"friction", 1}, {"sensor_offset", 2}}));
+  const Json history = get("/v1/lots/lot-1/history");
+  ASSERT_EQ(history["valves"][0]["causes"].size(), 2u);
+  EXPECT_EQ(history["valves"][0]["causes"][1]["cause"], "sensor_offset");
+  EXPECT_NEAR(history["valves"][0]["causes"][1]["q_value"].get<double>(), 0.02, 1e-12);
+  ASSERT_EQ(history["alarms"].size(), 1u) << "the offset is the first valve's second cause";
+  EXPECT_EQ(get("/v1/submissions?cause=sensor_offset")["items"].size(), 2u);
+  const Json with_itself = get("/v1/comparison?lot=lot-1&with_stand=stand-3");
+  EXPECT_EQ(with_itself["causes"][0]["a"], 1);
+  EXPECT_EQ(with_itself["causes"][0]["of_a"], 2) << "valves, not names";
 }
 
 TEST_F(HttpLot, TellsItsHistoryWhateverItsLabelsHold) {

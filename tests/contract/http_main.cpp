@@ -10,6 +10,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <sstream>
 #include <thread>
 
 #include "core/recording/columns.h"
@@ -28,8 +29,8 @@ std::string example_analysis() {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
-/// The schema's example, or what the recording's complaint asks for: "unexplained", "named sensor_offset"; "wait FILE"
-/// gives the example as soon as there is such a file.
+/// The schema's example, or what the recording's complaint asks for: "unexplained", "named friction sensor_offset";
+/// "wait FILE" gives the example as soon as there is such a file.
 Json analysis_asked_for(const std::optional<std::string>& complaint) {
   Json document = *parse_json(example_analysis());
   if (!complaint) return document;
@@ -38,9 +39,17 @@ Json analysis_asked_for(const std::optional<std::string>& complaint) {
     return document;
   }
   Json& found = document["discrepancy"];
-  found["conclusion"] = complaint->substr(0, complaint->find(' '));
-  if (found["conclusion"] == "named") {
-    found["causes"][0]["cause"] = complaint->substr(complaint->find(' ') + 1);
+  std::istringstream words(*complaint);
+  std::string word;
+  words >> word;
+  found["conclusion"] = word;
+  if (word == "named") {
+    const Json example = found["causes"][0];
+    found["causes"] = Json::array();
+    while (words >> word) {
+      found["causes"].push_back(example);
+      found["causes"].back()["cause"] = word;
+    }
   } else {
     found["causes"] = Json::array();
   }
@@ -84,6 +93,11 @@ Result<NewAnalysis> read_only_analysis(const JobSpec& spec, const ReportProgress
   if (!found["causes"].empty()) {
     analysis.summary.top_cause = found["causes"][0]["cause"].get<std::string>();
     analysis.summary.top_cause_probability = found["causes"][0]["probability"].get<double>();
+  }
+  for (const Json& cause : found["causes"]) {
+    analysis.summary.causes.push_back({.cause = cause["cause"].get<std::string>(),
+                                       .probability = cause["probability"].get<double>(),
+                                       .settled = true});
   }
   return analysis;
 }

@@ -494,6 +494,41 @@ TEST_P(StoreContract, CountsAValveOnceWithItsNewestResult) {
   EXPECT_EQ(lot->causes, (std::map<std::string, std::int64_t>{{"friction", 1}, {"leakage", 1}}));
 }
 
+TEST_P(StoreContract, CountsAValveWithEachOfItsSettledCauses) {
+  NewAnalysis both = an_analysis("Severe", "friction");
+  both.summary.causes.push_back({.cause = "sensor_offset", .probability = 0.96, .settled = true});
+  both.summary.causes.push_back({.cause = "leakage", .probability = 0.6, .settled = false});
+  analysed(alone(a_valve("lot-a", "EFC-1"), "one"), both);
+  analysed(alone(a_valve("lot-a", "EFC-2"), "two"), an_analysis("Severe", "friction"));
+  EXPECT_EQ(store_->lot("lot-a")->causes, (std::map<std::string, std::int64_t>{{"friction", 2}, {"sensor_offset", 1}}));
+  const auto rows = store_->list_submissions({.lot = "lot-a", .serial = "EFC-1"}, {});
+  EXPECT_EQ(rows->items.at(0).summary.causes, both.summary.causes);
+  analysed(alone(a_valve("lot-a", "EFC-1"), "again"), an_analysis("Good", "leakage"));
+  EXPECT_EQ(store_->lot("lot-a")->causes, (std::map<std::string, std::int64_t>{{"friction", 1}, {"leakage", 1}}));
+}
+
+TEST_P(StoreContract, FindsAValveByEachOfItsCausesInPagesThatRepeatNothing) {
+  for (int i = 0; i < 5; ++i) {
+    clock_.advance_ms(1);
+    NewAnalysis both = an_analysis("Severe", "friction");
+    both.summary.causes.push_back({.cause = "sensor_offset", .probability = 0.96, .settled = true});
+    analysed(alone(a_valve("lot-a", "EFC-" + std::to_string(i)), std::to_string(i)), both);
+  }
+  for (const Filter& filter : {Filter{.cause = "sensor_offset"}, Filter{.lot = "lot-a", .cause = "sensor_offset"}}) {
+    std::string found;
+    PageRequest request{.limit = 2, .cursor = {}};
+    do {
+      const auto page = store_->list_submissions(filter, request);
+      ASSERT_TRUE(page);
+      for (const SubmissionRow& row : page->items) found += row.labels.serial->back();
+      request.cursor = page->next;
+    } while (request.cursor);
+    EXPECT_EQ(found, "43210");
+  }
+  EXPECT_EQ(store_->list_recordings({.cause = "sensor_offset"}, {})->items.size(), 5u);
+  EXPECT_TRUE(store_->list_submissions({.verdict = "Good", .cause = "sensor_offset"}, {})->items.empty());
+}
+
 TEST_P(StoreContract, DoesNotLetALateResultOfAnOlderTestDisplaceTheNewest) {
   accept(alone(a_valve("lot-a", "EFC-1"), "older"));
   accept(alone(a_valve("lot-a", "EFC-1"), "newer"));
@@ -516,6 +551,7 @@ TEST_P(StoreContract, CountsAResultWithoutAVerdictUnderTheEmptyKey) {
   NewAnalysis undecided = an_analysis("Good");
   undecided.summary.verdict.reset();
   undecided.summary.top_cause.reset();
+  undecided.summary.causes.clear();
   analysed(alone(a_valve("lot-a", "EFC-1"), "one"), undecided);
   EXPECT_EQ(store_->lot("lot-a")->verdicts, (std::map<std::string, std::int64_t>{{"", 1}}));
   EXPECT_TRUE(store_->lot("lot-a")->causes.empty());

@@ -49,6 +49,7 @@ inline NewAnalysis an_analysis(const std::string& verdict, const std::string& ca
   analysis.summary.conclusion = "named";
   analysis.summary.top_cause = cause;
   analysis.summary.top_cause_probability = 0.97;
+  analysis.summary.causes = {{.cause = cause, .probability = 0.97, .settled = true}};
   analysis.summary.errors = {{1.2, 0.031}, {2.0, 0.11}};
   analysis.summary.features = {{"bandwidth_hz", 2.25}, {"delay_s", 0.004}};
   return analysis;

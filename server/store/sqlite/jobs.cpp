@@ -108,29 +108,57 @@ std::int64_t insert_analysis(const Write& in, const JobAt& job, const NewAnalysi
   const TimestampMs now = in.clock.utc_ms();
   in.connection.run(
       "INSERT INTO analyses (id, submission_seq, job_id, created_at, engine_version, settings_sha256, result_sha256, "
-      "verdict, reason, action, conclusion, top_cause, top_cause_probability, errors, features) "
-      "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+      "verdict, reason, action, conclusion, top_cause, top_cause_probability, errors, features, causes) "
+      "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
       new_id("ana_", now), job.submission_seq, job.row.id, now, analysis.engine_version, analysis.settings_sha256,
       analysis.result_sha256, summary.verdict, summary.reason, summary.action, summary.conclusion, summary.top_cause,
-      summary.top_cause_probability, errors_to_json(summary.errors), features_to_json(summary.features));
+      summary.top_cause_probability, errors_to_json(summary.errors), features_to_json(summary.features),
+      causes_to_json(summary.causes));
   const std::int64_t seq = in.connection.last_row();
   in.connection.run("INSERT INTO analysis_bodies VALUES (?, ?)", seq, Blob{body_zstd});
   return seq;
 }
 
+void list_causes(const Write& in, const JobAt& job, const AnalysisSummary& summary) {
+  in.connection.run("DELETE FROM submission_causes WHERE submission_seq = ?", job.submission_seq);
+  for (const CauseSummary& cause : summary.causes) {
+    in.connection.run(
+        "INSERT OR IGNORE INTO submission_causes SELECT ?2, received_at, seq FROM submissions WHERE seq = ?1",
+        job.submission_seq, cause.cause);
+  }
+}
+
+/// Where this result is the one its valve counts with.
+void count_causes_in_lot(const Write& in, const JobAt& job, const AnalysisSummary& summary) {
+  in.connection.run(
+      "DELETE FROM lot_causes WHERE (lot, valve) IN (SELECT lot, valve FROM lot_valves v JOIN submissions s "
+      "USING (lot) WHERE s.seq = ?1 AND v.valve = coalesce('serial ' || s.serial, s.id) AND v.result_seq = ?1)",
+      job.submission_seq);
+  for (const CauseSummary& cause : summary.causes) {
+    if (!cause.settled) continue;
+    in.connection.run(
+        "INSERT OR IGNORE INTO lot_causes SELECT lot, ?2, valve FROM lot_valves v JOIN submissions s USING (lot) WHERE "
+        "s.seq = ?1 "
+        "AND v.valve = coalesce('serial ' || s.serial, s.id) AND v.result_seq = ?1",
+        job.submission_seq, cause.cause);
+  }
+}
+
 void show_summary(const Write& in, const JobAt& job, const AnalysisSummary& summary) {
   in.connection.run(
       "UPDATE submissions SET state = 'done', problem = NULL, verdict = ?, reason = ?, action = ?, conclusion = ?, "
-      "top_cause = ?, top_cause_probability = ?, errors = ?, features = ? WHERE seq = ?",
+      "top_cause = ?, top_cause_probability = ?, errors = ?, features = ?, causes = ? WHERE seq = ?",
       summary.verdict, summary.reason, summary.action, summary.conclusion, summary.top_cause,
       summary.top_cause_probability, errors_to_json(summary.errors), features_to_json(summary.features),
-      job.submission_seq);
+      causes_to_json(summary.causes), job.submission_seq);
+  list_causes(in, job, summary);
   // A valve counts with its newest result: one of an older submission does not displace it.
   in.connection.run(
-      "UPDATE lot_valves SET result_seq = ?1, verdict = ?2, cause = ?3 FROM submissions s WHERE s.seq = ?1 AND "
+      "UPDATE lot_valves SET result_seq = ?1, verdict = ?2 FROM submissions s WHERE s.seq = ?1 AND "
       "lot_valves.lot = s.lot AND lot_valves.valve = coalesce('serial ' || s.serial, s.id) AND "
       "(result_seq IS NULL OR result_seq <= ?1)",
-      job.submission_seq, summary.verdict.value_or(""), summary.top_cause.value_or(""));
+      job.submission_seq, summary.verdict.value_or(""));
+  count_causes_in_lot(in, job, summary);
 }
 
 std::vector<std::string> ids(Query query) {

@@ -53,33 +53,51 @@ Result<std::optional<Position>> start_of(const PageRequest& page) {
   return *position;
 }
 
-/// The list's WHERE clause. The most selective filter given walks its index in the order of the list; a unary plus
-/// keeps the planner, which has no statistics, from choosing any other.
-std::string where_clause(const Filter& filter, const std::optional<Position>& start, std::string_view row_seq) {
-  const std::array<std::pair<bool, std::string_view>, 6> by_selectivity = {
+/// A list of submissions newest first, in the pieces of its SQL. A submission has several causes, so these stand in a
+/// table of their own: where the cause is the most selective filter, that table leads, in the order of the list.
+struct ListSql {
+  std::string from, where, order;
+};
+
+ListSql list_sql(const Filter& filter, const std::optional<Position>& start, std::string_view row_seq) {
+  const bool by_cause = filter.cause && !filter.serial && !filter.lot && !filter.stand;
+  // The most selective filter given walks its index in the order of the list; a unary plus keeps the planner, which has
+  // no statistics, from choosing any other.
+  const std::array<std::pair<bool, std::string_view>, 5> by_selectivity = {
       {{filter.serial.has_value(), "s.serial"},
        {filter.lot.has_value(), "s.lot"},
        {filter.stand.has_value(), "s.stand"},
-       {filter.cause.has_value(), "s.top_cause"},
        {filter.verdict.has_value(), "s.verdict"},
        {filter.valve_type.has_value(), "s.valve_type"}}};
   std::string where = "WHERE 1";
-  bool index_chosen = false;
+  bool index_chosen = by_cause;
   for (const auto& [given, column] : by_selectivity) {
     if (!given) continue;
     where += fmt::format(" AND {}{} = ?", index_chosen ? "+" : "", column);
     index_chosen = true;
   }
-  if (filter.since) where += " AND s.received_at >= ?";
-  if (filter.until) where += " AND s.received_at < ?";
-  if (start) where += fmt::format(" AND s.received_at <= ? AND (s.received_at, s.seq, {}) < (?, ?, ?)", row_seq);
-  return where;
+  if (by_cause) where += " AND c.cause = ?";
+  if (filter.cause && !by_cause) {
+    where +=
+        " AND EXISTS (SELECT 1 FROM submission_causes c WHERE c.cause = ? AND c.received_at = s.received_at AND "
+        "c.submission_seq = s.seq)";
+  }
+  const std::string time = by_cause ? "c.received_at" : "s.received_at";
+  const std::string seq = by_cause ? "c.submission_seq" : "s.seq";
+  if (filter.since) where += fmt::format(" AND {} >= ?", time);
+  if (filter.until) where += fmt::format(" AND {} < ?", time);
+  if (start) where += fmt::format(" AND {0} <= ? AND ({0}, {1}, {2}) < (?, ?, ?)", time, seq, row_seq);
+  // CROSS JOIN fixes the order of the loops.
+  return {.from = by_cause ? "FROM submission_causes c CROSS JOIN submissions s ON s.seq = c.submission_seq"
+                           : "FROM submissions s",
+          .where = where,
+          .order = fmt::format("ORDER BY {} DESC, {} DESC", time, seq)};
 }
 
-/// In the order of where_clause, then the list's LIMIT: one row more than the page, to see whether there is a next.
+/// In the order of list_sql, then the list's LIMIT: one row more than the page, to see whether there is a next.
 void bind_list(Query& query, const Filter& filter, const std::optional<Position>& start, int limit) {
   for (const auto* text :
-       {&filter.serial, &filter.lot, &filter.stand, &filter.cause, &filter.verdict, &filter.valve_type}) {
+       {&filter.serial, &filter.lot, &filter.stand, &filter.verdict, &filter.valve_type, &filter.cause}) {
     if (*text) query.bind(**text);
   }
   if (filter.since) query.bind(*filter.since);
@@ -101,17 +119,20 @@ std::vector<RecordingRow> read_recordings(Query& query, const SubmissionRow& sub
 
 void count_valves(Connection& connection, LotRow& row) {
   Query query =
-      connection.query("SELECT analysed, verdict, cause, valves FROM lot_counts WHERE lot = ? AND valves > 0", row.lot);
+      connection.query("SELECT analysed, verdict, valves FROM lot_counts WHERE lot = ? AND valves > 0", row.lot);
   while (query.next()) {
     const bool analysed = query.integer() != 0;
     const std::string verdict = query.text();
-    const std::string cause = query.text();
     const std::int64_t valves = query.integer();
     row.valves += valves;
     if (!analysed) continue;
     row.analysed_valves += valves;
     row.verdicts[verdict] += valves;
-    if (!cause.empty()) row.causes[cause] += valves;
+  }
+  Query causes = connection.query("SELECT cause, count(*) FROM lot_causes WHERE lot = ? GROUP BY cause", row.lot);
+  while (causes.next()) {
+    const std::string cause = causes.text();
+    row.causes[cause] = causes.integer();
   }
 }
 
@@ -171,11 +192,11 @@ Result<RecordingRow> recording(Connection& connection, std::string_view id) {
 Result<Page<RecordingRow>> list_recordings(Connection& connection, const Filter& filter, const PageRequest& page) {
   const auto start = start_of(page);
   if (!start) return tl::unexpected(start.error());
-  // CROSS JOIN fixes the order of the loops: submissions by their index, newest first, then the recordings of each.
+  const ListSql sql = list_sql(filter, *start, "r.seq");
+  // Submissions by their index, newest first, then the recordings of each.
   Query query = connection.query(
-      fmt::format("SELECT {}, {} FROM submissions s CROSS JOIN recordings r ON r.submission_seq = s.seq {} "
-                  "ORDER BY s.received_at DESC, s.seq DESC, r.seq DESC LIMIT ?",
-                  kSubmissionColumns, kRecordingColumns, where_clause(filter, *start, "r.seq")));
+      fmt::format("SELECT {}, {} {} CROSS JOIN recordings r ON r.submission_seq = s.seq {} {}, r.seq DESC LIMIT ?",
+                  kSubmissionColumns, kRecordingColumns, sql.from, sql.where, sql.order));
   bind_list(query, filter, *start, page.limit);
   Page<RecordingRow> result;
   Position last;
@@ -195,9 +216,9 @@ Result<Page<RecordingRow>> list_recordings(Connection& connection, const Filter&
 Result<Page<SubmissionRow>> list_submissions(Connection& connection, const Filter& filter, const PageRequest& page) {
   const auto start = start_of(page);
   if (!start) return tl::unexpected(start.error());
+  const ListSql sql = list_sql(filter, *start, "0");
   Query query =
-      connection.query(fmt::format("SELECT {} FROM submissions s {} ORDER BY s.received_at DESC, s.seq DESC LIMIT ?",
-                                   kSubmissionColumns, where_clause(filter, *start, "0")));
+      connection.query(fmt::format("SELECT {} {} {} {} LIMIT ?", kSubmissionColumns, sql.from, sql.where, sql.order));
   bind_list(query, filter, *start, page.limit);
   Page<SubmissionRow> result;
   Position last;

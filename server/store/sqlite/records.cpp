@@ -11,7 +11,8 @@ namespace {
 
 constexpr std::string_view kAnalysisColumns =
     "a.id, s.id, a.job_id, a.created_at, a.engine_version, a.settings_sha256, a.result_sha256, a.verdict, a.reason, "
-    "a.action, a.conclusion, a.top_cause, a.top_cause_probability, a.errors, a.features";
+    "a.action, a.conclusion, a.top_cause, a.top_cause_probability, a.errors, a.features, "
+    "a.causes";
 
 AnalysisRow read_analysis(Query& query) {
   AnalysisRow row;
@@ -285,6 +286,11 @@ Result<std::vector<std::string>> check(Connection& connection) {
           "SELECT lot FROM lots l WHERE (SELECT count(*) FROM lot_valves v WHERE v.lot = l.lot) <> "
           "(SELECT sum(valves) FROM lot_counts c WHERE c.lot = l.lot)",
           "a lot's valves are miscounted", damages);
+  collect(connection,
+          "SELECT s.id FROM submissions s WHERE "
+          "(SELECT count(DISTINCT value ->> 0) FROM json_each(s.causes)) <> "
+          "(SELECT count(*) FROM submission_causes c WHERE c.submission_seq = s.seq)",
+          "a result's causes are not listed", damages);
   return damages;
 }
 

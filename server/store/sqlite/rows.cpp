@@ -19,6 +19,17 @@ std::map<std::string, double> features_from_json(const std::string& text) {
   return features;
 }
 
+std::vector<CauseSummary> causes_from_json(const std::string& text) {
+  std::vector<CauseSummary> causes;
+  const Json document = Json::parse(text, nullptr, /*allow_exceptions=*/false);
+  for (const Json& cause : document) {
+    causes.push_back({.cause = cause.at(0).get<std::string>(),
+                      .probability = cause.at(1).get<double>(),
+                      .settled = cause.at(2) == Json(1)});
+  }
+  return causes;
+}
+
 }  // namespace
 
 std::string errors_to_json(const std::vector<LevelError>& errors) {
@@ -29,6 +40,12 @@ std::string errors_to_json(const std::vector<LevelError>& errors) {
 
 std::string features_to_json(const std::map<std::string, double>& features) {
   return dump_json(Json(features));
+}
+
+std::string causes_to_json(const std::vector<CauseSummary>& causes) {
+  Json list = Json::array();
+  for (const CauseSummary& cause : causes) list.push_back({cause.cause, cause.probability, cause.settled ? 1 : 0});
+  return dump_json(list);
 }
 
 std::string state_text(JobState state) {
@@ -52,6 +69,7 @@ AnalysisSummary read_summary(Query& query) {
   summary.top_cause_probability = query.maybe_real();
   summary.errors = errors_from_json(query.text());
   summary.features = features_from_json(query.text());
+  summary.causes = causes_from_json(query.text());
   return summary;
 }
 

@@ -13,7 +13,7 @@ namespace valvetriage::sqlite {
 inline constexpr std::string_view kSubmissionColumns =
     "s.seq, s.id, s.job_id, s.state, s.received_at, s.lot, s.serial, s.valve_type, s.condition, s.stand, s.recordings, "
     "s.problem, s.verdict, s.reason, s.action, s.conclusion, s.top_cause, s.top_cause_probability, s.errors, "
-    "s.features";
+    "s.features, s.causes";
 
 struct SubmissionAt {
   std::int64_t seq = 0;
@@ -33,6 +33,7 @@ RecordingAt read_recording(Query& query, const SubmissionRow& submission);
 AnalysisSummary read_summary(Query& query);
 std::string errors_to_json(const std::vector<LevelError>& errors);
 std::string features_to_json(const std::map<std::string, double>& features);
+std::string causes_to_json(const std::vector<CauseSummary>& causes);
 
 std::string state_text(JobState state);
 JobState read_state(Query& query);

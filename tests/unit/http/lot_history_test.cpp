@@ -66,7 +66,13 @@ SubmissionRow named(const std::string& stand, const std::string& cause, const st
   SubmissionRow valve = row("sub_" + stand + cause, std::nullopt, 1);
   valve.labels.stand = stand;
   valve.summary.conclusion = conclusion;
-  if (!cause.empty()) valve.summary.top_cause = cause;
+  if (!cause.empty()) valve.summary.causes = {{.cause = cause, .probability = 0.98, .settled = conclusion == "named"}};
+  return valve;
+}
+
+/// A valve with a further settled cause.
+SubmissionRow with(SubmissionRow valve, const std::string& cause, double probability = 0.96) {
+  valve.summary.causes.push_back({.cause = cause, .probability = probability, .settled = true});
   return valve;
 }
 
@@ -87,6 +93,35 @@ TEST(StandAlarms, AreNoneForOneValveForCausesOfValvesAndForNamesThatAreNotSettle
   EXPECT_TRUE(stand_alarms({named("s1", "friction"), named("s1", "friction")}).empty());
   EXPECT_TRUE(stand_alarms({named("s1", "sensor_offset"), named("s1", "sensor_offset", "ambiguous")}).empty());
   EXPECT_TRUE(stand_alarms({named("s1", "sensor_offset"), named("s1", ""), named("s1", "sensor_offset")}).empty());
+}
+
+TEST(StandAlarms, GoByEverySettledCauseOfAValveNotItsStrongestAlone) {
+  const auto alarms = stand_alarms({with(named("s1", "friction"), "sensor_offset"), named("s1", "sensor_offset"),
+                                    with(named("s1", "sensor_offset"), "sensor_drift"), named("s1", "sensor_drift")});
+  ASSERT_EQ(alarms.size(), 2u);
+  EXPECT_EQ(alarms[0].cause, "sensor_drift");
+  EXPECT_EQ(alarms[0].valves, (std::vector<std::size_t>{2, 3}));
+  EXPECT_TRUE(alarms[0].current);
+  EXPECT_EQ(alarms[1].cause, "sensor_offset");
+  EXPECT_EQ(alarms[1].valves, (std::vector<std::size_t>{0, 1, 2}));
+  EXPECT_FALSE(alarms[1].current);
+}
+
+TEST(Outcomes, AreTheSettledCausesOfAValveElseItsConclusion) {
+  EXPECT_EQ(outcomes(with(named("s1", "friction"), "leakage")), (std::vector<std::string>{"friction", "leakage"}));
+  EXPECT_EQ(outcomes(named("s1", "friction", "ambiguous")), std::vector<std::string>{"ambiguous"});
+  EXPECT_EQ(outcomes(row("sub_1", "A", 1)), std::vector<std::string>{""});
+}
+
+TEST(NameQValues, StandBesideEverySettledCauseOfEveryValve) {
+  const auto q = name_q_values(
+      {with(named("s1", "friction"), "leakage"), named("s1", "", "none"), named("s1", "friction", "ambiguous")});
+  ASSERT_EQ(q.size(), 3u);
+  ASSERT_EQ(q[0].size(), 2u);
+  EXPECT_NEAR(q[0][0], 0.02, 1e-12);
+  EXPECT_NEAR(q[0][1], (0.02 + 0.04) / 2, 1e-12);
+  EXPECT_TRUE(q[1].empty());
+  EXPECT_TRUE(q[2].empty());
 }
 
 }  // namespace

@@ -47,7 +47,6 @@ LotReport small_lot() {
                     .received_at = "2026-08-03T09:12:44Z",
                     .verdict = "Good",
                     .conclusion = "none",
-                    .probability = std::nan(""),
                     .error_eq20 = {{1.4, 3.2}},
                     .engine_version = "0.1.0",
                     .settings_sha256 = "aa",
@@ -56,8 +55,9 @@ LotReport small_lot() {
                     .received_at = "2026-08-03T10:00:00Z",
                     .verdict = "Severe",
                     .conclusion = "named",
-                    .cause = "friction",
-                    .probability = 0.97,
+                    .names = {{"friction", 0.97, 0.03}, {"sensor_offset", 0.955, 0.0375}},
+                    .likely = "friction",
+                    .likely_probability = 0.97,
                     .error_eq20 = {{1.4, 40}},
                     .engine_version = "0.1.0",
                     .settings_sha256 = "aa",
@@ -66,8 +66,8 @@ LotReport small_lot() {
                     .received_at = "2026-08-04T09:12:44Z",
                     .verdict = "Malfunctioned",
                     .conclusion = "ambiguous",
-                    .cause = "backlash",
-                    .probability = 0.6,
+                    .likely = "backlash",
+                    .likely_probability = 0.6,
                     .error_eq20 = {},
                     .engine_version = "0.1.0",
                     .settings_sha256 = "aa",
@@ -130,13 +130,15 @@ TEST(LotReport, IsTheGoldenFile) {
 TEST(LotReport, CountsAsCausesOnlyWhatIsSettled) {
   const std::string html = lot_report_html(small_lot());
   EXPECT_NE(html.find(">Friction</text>"), std::string::npos);
+  EXPECT_NE(html.find(">Sensor offset</text>"), std::string::npos) << "a valve counts with each of its causes";
+  EXPECT_NE(html.find("Friction, 97 % (q 0.03); Sensor offset, 96 % (q 0.037)"), std::string::npos) << html;
   EXPECT_EQ(html.find(">Backlash</text>"), std::string::npos);
   EXPECT_NE(html.find("not settled: Backlash, 60 %"), std::string::npos);
 }
 
 TEST(LotReport, KeepsWhatAUserWroteAsText) {
   LotReport report = small_lot();
-  report.lot = report.valves[0].serial = report.valves[1].cause = kHostile;
+  report.lot = report.valves[0].serial = report.valves[1].names[0].cause = kHostile;
   EXPECT_EQ(lot_report_html(report).find("<img"), std::string::npos);
 }
 

@@ -62,6 +62,30 @@ TEST_F(Migrate, LeavesAWholeSchemaWhereverItIsKilled) {
   }
 }
 
+TEST_F(Migrate, CarriesTheStrongestCauseOfOlderResultsOverAsAllThatIsKnown) {
+  Connection connection(file(), Access::kWrite);
+  ASSERT_TRUE(migrate(connection, migrations().first(2)));
+  connection.script(
+      "INSERT INTO submissions (seq, id, job_id, state, received_at, lot, serial, recordings, verdict, conclusion, "
+      "top_cause, top_cause_probability) VALUES (1, 'sub_1', 'job_1', 'done', 5, 'lot-a', 'EFC-1', 1, 'Severe', "
+      "'named', 'friction', 0.97), (2, 'sub_2', 'job_2', 'done', 6, 'lot-a', 'EFC-2', 1, 'Good', 'none', NULL, NULL);"
+      "INSERT INTO lots (lot, first_received_at, last_received_at, recordings, submissions) VALUES ('lot-a', 5, 6, 2, "
+      "2);"
+      "INSERT INTO lot_valves VALUES ('lot-a', 'serial EFC-1', 1, 'Severe', 'friction'), "
+      "('lot-a', 'serial EFC-2', 2, 'Good', '')");
+  ASSERT_TRUE(migrate(connection));
+  const auto store = open_sqlite_store(file());
+  ASSERT_TRUE(store);
+  const auto found = (*store)->list_submissions({.cause = "friction"}, {});
+  ASSERT_EQ(found->items.size(), 1u);
+  EXPECT_EQ(found->items[0].summary.causes,
+            (std::vector<CauseSummary>{{.cause = "friction", .probability = 0.97, .settled = true}}));
+  const auto lot = (*store)->lot("lot-a");
+  EXPECT_EQ(lot->causes, (std::map<std::string, std::int64_t>{{"friction", 1}}));
+  EXPECT_EQ(lot->verdicts, (std::map<std::string, std::int64_t>{{"Good", 1}, {"Severe", 1}}));
+  EXPECT_EQ(lot->valves, 2);
+}
+
 TEST_F(Migrate, UndoesAStepThatFails) {
   Connection connection(file(), Access::kWrite);
   const Migration steps[] = {{1, "one", "CREATE TABLE a (x) STRICT_NO;"}};
