@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "core/analysis/classify_valve.h"
+#include "core/analysis/outside_reference.h"
 #include "core/discrepancy/machine.h"
 #include "core/discrepancy/valve_diagnosis.h"
 #include "core/identify/baseline.h"
@@ -23,8 +24,6 @@ namespace valvetriage {
 namespace {
 
 constexpr double kLevelTolerance_a = 0.02;
-// Inputs this far beyond the reference's still lie in its end knots, half a spacing away.
-constexpr double kOutsideMargin_a = 0.0125;
 // Default window where neither a reference nor a rule base brings one.
 constexpr double kSelfWindowRate_hz = 200.0;
 constexpr double kSelfWindowDuration_s = 2.0;
@@ -88,7 +87,7 @@ Recording within_reference(const Recording& recording, const Reference& referenc
   outside = 0;
   for (std::size_t i = 0; i < recording.samples(); ++i) {
     const double u = recording.input.values[i];
-    if (u >= reference.input_min - kOutsideMargin_a && u <= reference.input_max + kOutsideMargin_a) continue;
+    if (!outside_reference(reference, u)) continue;
     if (kept.valid.empty()) kept.valid.assign(recording.samples(), 1);
     kept.valid[i] = 0;
     ++outside;
@@ -260,8 +259,7 @@ class LevelAverage {
 };
 
 bool outside(const Baseline& baseline, double level) {
-  return baseline.reference && (level < baseline.reference->input_min - kOutsideMargin_a ||
-                                level > baseline.reference->input_max + kOutsideMargin_a);
+  return baseline.reference && outside_reference(*baseline.reference, level);
 }
 
 std::vector<LevelFigures> figures_by_level(std::span<const Recording> recordings, const FreeRuns& runs,

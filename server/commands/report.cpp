@@ -65,6 +65,8 @@ report::ReportSubject subject_of(const Metadata& metadata) {
 
 report::RecordingPlot plot_of(const Recording& recording, const Analysis& analysis) {
   const bool added = analysis.discrepancy && !analysis.discrepancy->causes.empty();
+  const auto& compared = analysis.baseline.reference;
+  const Reference* reference = compared ? &*compared : nullptr;
   auto panels = report::recording_panels(recording, analysis.baseline.model, added ? &analysis.extended_model : nullptr,
                                          http::kReportPoints);
   if (!panels) {
@@ -75,7 +77,7 @@ report::RecordingPlot plot_of(const Recording& recording, const Analysis& analys
   }
   return {.name = recording.name,
           .panels = std::move(*panels),
-          .stretches = report::recording_stretches(recording, http::kReportStretches),
+          .stretches = report::recording_stretches(recording, reference, http::kReportStretches),
           .reason = {}};
 }
 

@@ -24,25 +24,32 @@ Result<AnalysisDocument> newest_document(Service& service, const SubmissionRow& 
   return stored_analysis(service, *row);
 }
 
+const Reference* pointer_to(const std::optional<Reference>& reference) {
+  return reference ? &*reference : nullptr;
+}
+
 /// Null where nothing was added to the baseline.
 const Model* extended_model(const Analysis& analysis) {
   const bool added = analysis.discrepancy && !analysis.discrepancy->causes.empty();
   return added ? &analysis.extended_model : nullptr;
 }
 
-Result<report::RecordingPlot> drawn(Service& service, const RecordingRow& row, const Analysis& analysis) {
+/// reference  null: no recording of the analysis leaves it
+Result<report::RecordingPlot> drawn(Service& service, const RecordingRow& row, const Analysis& analysis,
+                                    const Reference* reference) {
   const auto recording = read_stored_recording(service, row);
   if (!recording) return tl::unexpected(recording.error());
   auto panels = report::recording_panels(*recording, analysis.baseline.model, extended_model(analysis), kReportPoints);
   if (!panels) return tl::unexpected(panels.error());
   return report::RecordingPlot{.name = row.name,
                                .panels = std::move(*panels),
-                               .stretches = report::recording_stretches(*recording, kReportStretches),
+                               .stretches = report::recording_stretches(*recording, reference, kReportStretches),
                                .reason = {}};
 }
 
-report::RecordingPlot plot_of(Service& service, const RecordingRow& row, const Analysis& analysis) {
-  auto plot = drawn(service, row, analysis);
+report::RecordingPlot plot_of(Service& service, const RecordingRow& row, const Analysis& analysis,
+                              const Reference* reference) {
+  auto plot = drawn(service, row, analysis, reference);
   if (plot) return std::move(*plot);
   return {.name = row.name,
           .panels = {},
@@ -80,10 +87,12 @@ Result<Response> get_report(Service& service, Request& request) {
   if (!rows) return tl::unexpected(rows.error());
   const auto place = ComputationPlace::take(service);
   if (!place) return tl::unexpected(place.error());
+  const auto reference = reference_left(service, document->analysis);
+  if (!reference) return tl::unexpected(reference.error());
   report::ValveReport valve{.subject = subject_of(*submission), .analysis = std::move(*document), .plots = {}};
   for (const RecordingRow& row : *rows) {
     if (valve.plots.size() == kMaxReportPlots) break;
-    valve.plots.push_back(plot_of(service, row, valve.analysis.analysis));
+    valve.plots.push_back(plot_of(service, row, valve.analysis.analysis, pointer_to(*reference)));
   }
   return report_response(report::valve_report_html(valve));
 }
@@ -97,7 +106,9 @@ Result<Response> get_plot(Service& service, Request& request) {
   if (!document) return tl::unexpected(document.error());
   const auto place = ComputationPlace::take(service);
   if (!place) return tl::unexpected(place.error());
-  const auto plot = drawn(service, *row, document->analysis);
+  const auto reference = reference_left(service, document->analysis);
+  if (!reference) return tl::unexpected(reference.error());
+  const auto plot = drawn(service, *row, document->analysis, pointer_to(*reference));
   if (!plot) return tl::unexpected(plot.error());
   Response response;
   response.content_type = "image/svg+xml";

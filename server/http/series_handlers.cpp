@@ -207,6 +207,18 @@ Result<Model> model_asked_for(Service& service, const Json& document) {
   return stored_model(service, *submission, true);
 }
 
+/// Nothing before there is an analysis: places in the samples alone are marked then.
+Result<std::optional<Reference>> reference_of_marks(Service& service, const Request& request) {
+  const auto submission = submission_asked_for(service, request);
+  if (!submission) return tl::unexpected(submission.error());
+  const auto row = service.store.newest_analysis(submission->id);
+  if (!row && row.error().code == "not_found") return std::nullopt;
+  if (!row) return tl::unexpected(row.error());
+  const auto document = stored_analysis(service, *row);
+  if (!document) return std::nullopt;
+  return reference_left(service, document->analysis);
+}
+
 }  // namespace
 
 Result<Response> get_series(Service& service, Request& request) {
@@ -260,7 +272,9 @@ Result<Response> get_marks(Service& service, Request& request) {
                             {"from_level", segment.from_level},
                             {"rate_per_s", segment.rate_per_s}});
   }
-  for (const QualityPlace& found : quality_places(*recording)) {
+  const auto reference = reference_of_marks(service, request);
+  if (!reference) return tl::unexpected(reference.error());
+  for (const QualityPlace& found : report::marked_places(*recording, *reference ? &**reference : nullptr)) {
     if (quality.size() == kMaxMarks) break;
     quality.push_back(Json{{"code", found.code}, {"from_s", time(found.begin)}, {"to_s", time(found.end)}});
   }

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 
+#include "server/wire/reference_json.h"
+
 namespace valvetriage::http {
 namespace {
 
@@ -47,6 +49,19 @@ Result<AnalysisRow> analysis_asked_for(Service& service, const SubmissionRow& su
     return fail("not_available", fmt::format("there is no analysis: the job ended as '{}', see 'error'", state));
   }
   return fail("not_finished", fmt::format("the analysis is not finished: the job is '{}'", state));
+}
+
+Result<std::optional<Reference>> reference_left(Service& service, const Analysis& analysis) {
+  const auto leaves = [](const RecordingSummary& recording) {
+    return std::any_of(recording.quality.begin(), recording.quality.end(),
+                       [](const QualityItem& item) { return item.code == "outside_reference"; });
+  };
+  const auto& compared = analysis.baseline.reference;
+  if (!compared || std::none_of(analysis.recordings.begin(), analysis.recordings.end(), leaves)) return std::nullopt;
+  const auto stored = service.store.document(DocumentKind::kReference, compared->valve_type, compared->version);
+  if (!stored && stored.error().code == "not_found") return std::nullopt;
+  if (!stored) return tl::unexpected(stored.error());
+  return parse_json(stored->body_json).and_then(reference_from_json);
 }
 
 Result<AnalysisDocument> stored_analysis(Service& service, const AnalysisRow& row) {

@@ -6,9 +6,10 @@
 #include <cmath>
 #include <limits>
 
+#include "core/analysis/outside_reference.h"
 #include "core/mechanisms/simulate_extended.h"
-#include "core/recording/quality.h"
 #include "server/report/downsample.h"
+#include "server/report/sentence.h"
 
 namespace valvetriage::report {
 namespace {
@@ -76,7 +77,17 @@ std::string segment_name(const Segment& segment, const std::string& unit) {
   return fmt::format("{:.2f}{}{}", segment.level, unit.empty() ? "" : " ", unit);
 }
 
-std::vector<Stretch> recording_stretches(const Recording& recording, std::size_t most) {
+std::vector<QualityPlace> marked_places(const Recording& recording, const Reference* reference) {
+  std::vector<QualityPlace> places = quality_places(recording);
+  if (!reference) return places;
+  const std::vector<QualityPlace> outside = outside_reference_places(recording, *reference);
+  const auto middle = places.insert(places.end(), outside.begin(), outside.end());
+  std::inplace_merge(places.begin(), middle, places.end(),
+                     [](const QualityPlace& a, const QualityPlace& b) { return a.begin < b.begin; });
+  return places;
+}
+
+std::vector<Stretch> recording_stretches(const Recording& recording, const Reference* reference, std::size_t most) {
   const auto time = [&](std::size_t i) {
     return recording.start_s + static_cast<double>(i) * recording.sample_period_s;
   };
@@ -88,11 +99,11 @@ std::vector<Stretch> recording_stretches(const Recording& recording, std::size_t
                          .name = segment_name(segment, recording.input.unit),
                          .odd = false});
   }
-  const std::vector<QualityPlace> places = quality_places(recording);
+  const std::vector<QualityPlace> places = marked_places(recording, reference);
   for (std::size_t i = 0; i < std::min(places.size(), most); ++i) {
     const QualityPlace& place = places[i];
     stretches.push_back(
-        {.from = time(place.begin), .to = time(place.end), .name = std::string(place.code), .odd = true});
+        {.from = time(place.begin), .to = time(place.end), .name = spoken(std::string(place.code)), .odd = true});
   }
   return stretches;
 }

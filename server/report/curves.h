@@ -4,6 +4,8 @@
 #include <vector>
 
 #include "core/model/model.h"
+#include "core/model/reference.h"
+#include "core/recording/quality.h"
 #include "core/recording/recording.h"
 #include "core/result.h"
 #include "server/report/svg_plot.h"
@@ -28,8 +30,13 @@ std::vector<double> measured_output(const Recording& recording);
 /// What a segment does, in two words: "1.40 A", "ramp", "sweep".
 std::string segment_name(const Segment& segment, const std::string& unit);
 
-/// At most `most` of a recording's segments and at most as many places of its quality items, the first ones.
-std::vector<Stretch> recording_stretches(const Recording& recording, std::size_t most);
+/// Where the items of a recording stand, in time's order: quality_places, and where the input is outside the reference.
+///
+/// reference  that the recording was compared with; null: none
+std::vector<QualityPlace> marked_places(const Recording& recording, const Reference* reference);
+
+/// At most `most` of a recording's segments and at most as many of its marked places, the first ones.
+std::vector<Stretch> recording_stretches(const Recording& recording, const Reference* reference, std::size_t most);
 
 /// Output with both simulations, residuals and input, each reduced to `points` points so that every peak stays.
 ///

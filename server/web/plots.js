@@ -33,7 +33,7 @@ function joined(series) {
 
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 
-const WORDS = { gap: "gap", outliers: "outlier left out", clipped: "clipped", stuck: "stuck" };
+const WORDS = { gap: "gap", outliers: "outlier left out", clipped: "clipped", stuck: "stuck", outside_reference: "outside the reference" };
 
 /// Draws under the curves what stands at which time: a line where a segment begins, its name where there is room, a tinted
 /// and hatched stretch where a quality item is.
