@@ -36,6 +36,7 @@ namespace valvetriage::http {
   X(get_lot) \
   X(get_lot_history) \
   X(get_lot_parameters) \
+  X(get_lot_shifts) \
   X(get_lot_patterns) \
   X(get_comparison) \
   X(list_stands) \

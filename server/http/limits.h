@@ -49,6 +49,8 @@ inline constexpr std::size_t kReportStretches = 200;
 inline constexpr std::size_t kMaxMarks = 2000;
 /// Newest named valves of a lot whose parameters are shown together: a second's reading.
 inline constexpr std::size_t kMaxNamedValves = 1000;
+/// Newest valves of a lot whose own fits are held against good valves: a second's reading.
+inline constexpr std::size_t kMaxShiftValves = 1000;
 /// Newest unexplained valves of a lot whose residuals are laid beside each other, and good ones beside them: a tenth of
 /// a second of simulation each, the first time.
 inline constexpr std::size_t kMaxPatternValves = 40;

@@ -7,6 +7,7 @@
 #include "server/http/handlers.h"
 #include "server/http/limits.h"
 #include "server/http/lot_history.h"
+#include "server/http/lot_shifts.h"
 #include "server/http/receive.h"
 #include "server/http/report_response.h"
 #include "server/http/stored_history.h"
@@ -196,13 +197,17 @@ Result<Response> get_lot_report(Service& service, Request& request) {
                            .first_received_at = format_rfc3339(lot->first_received_at),
                            .last_received_at = format_rfc3339(lot->last_received_at),
                            .valves = {},
-                           .levels = {}};
+                           .levels = {},
+                           .shifts = {}};
   const std::vector<std::vector<double>> q_values = name_q_values(history->valves);
   for (std::size_t i = 0; i < history->valves.size(); ++i) {
     auto valve = reported_valve(service.store, history->valves[i], q_values[i]);
     if (!valve) return tl::unexpected(valve.error());
     report.valves.push_back(std::move(*valve));
   }
+  auto shifts = lot_shifts(service.store, *history);
+  if (!shifts) return tl::unexpected(shifts.error());
+  report.shifts = std::move(*shifts);
   for (const auto& [level_a, level] : history->levels) {
     report.levels.push_back(reported_level(level_a, level, history->valves));
   }

@@ -54,6 +54,7 @@ constexpr std::array kRoutes{
     Route{"GET", "/v1/lots/{lot}", Scope::kRead, "", get_lot},
     Route{"GET", "/v1/lots/{lot}/history", Scope::kRead, "", get_lot_history},
     Route{"GET", "/v1/lots/{lot}/parameters", Scope::kRead, "", get_lot_parameters},
+    Route{"GET", "/v1/lots/{lot}/shifts", Scope::kRead, "", get_lot_shifts},
     Route{"GET", "/v1/lots/{lot}/patterns", Scope::kRead, "", get_lot_patterns},
     Route{"GET", "/v1/lots/{lot}/report", Scope::kRead, "", get_lot_report},
     Route{"GET", "/v1/comparison", Scope::kRead, "lot stand with_lot with_stand", get_comparison},

@@ -28,15 +28,19 @@ Result<LotHistory> stored_history(Store& store, const Filter& filter) {
   return lot_history(*submissions);
 }
 
-Result<Json> named_causes(Store& store, const SubmissionRow& valve) {
-  std::set<std::string> settled;
-  for (const CauseSummary& cause : settled_causes(valve)) settled.insert(cause.cause);
-  if (settled.empty()) return Json::array();
+Result<Json> newest_document(Store& store, const SubmissionRow& valve) {
   const auto row = store.newest_analysis(valve.id);
   if (!row) return tl::unexpected(row.error());
   const auto body = store.analysis_body(row->id);
   if (!body) return tl::unexpected(body.error());
-  const auto document = parse_json(*body);
+  return parse_json(*body);
+}
+
+Result<Json> named_causes(Store& store, const SubmissionRow& valve) {
+  std::set<std::string> settled;
+  for (const CauseSummary& cause : settled_causes(valve)) settled.insert(cause.cause);
+  if (settled.empty()) return Json::array();
+  const auto document = newest_document(store, valve);
   if (!document) return tl::unexpected(document.error());
   const auto found = document->find("discrepancy");
   if (found == document->end() || !found->is_object()) return Json::array();

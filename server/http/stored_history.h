@@ -13,7 +13,10 @@ Result<std::vector<SubmissionRow>> all_submissions(Store& store, const Filter& f
 /// The valves whose submissions fit: of a lot, of a stand.
 Result<LotHistory> stored_history(Store& store, const Filter& filter);
 
-/// The causes that the newest analysis of a valve names: `discrepancy.causes`; an empty array where it names none.
+/// The newest analysis of a valve as it is stored.
+Result<Json> newest_document(Store& store, const SubmissionRow& valve);
+
+/// The settled causes in the newest analysis of a valve, entries of `discrepancy.causes`; an empty array without any.
 Result<Json> named_causes(Store& store, const SubmissionRow& valve);
 
 }  // namespace valvetriage::http

@@ -102,6 +102,26 @@ std::string errors_part(const LotReport& report) {
   return body.empty() ? "<p>No valve of this lot was tested at a known level.</p>\n" : body;
 }
 
+/// What all valves of the lot share, with every figure that was compared.
+std::string shifts_part(const LotShifts& shifts) {
+  std::string body;
+  for (const std::string& sentence : shift_sentences(shifts)) {
+    body += "<p class=\"said\">" + escaped(sentence) + "</p>\n";
+  }
+  body += "<p>" + escaped(shift_scope(shifts)) + "</p>\n";
+  if (shifts.figures.empty()) return body;
+  Table table({{"Figure"}, {"Good valves", true}, {"Lot", true}, {"Shift", true}, {"95 %", true}, {"p, paid", true}});
+  for (const FigureShift& found : shifts.figures) {
+    const std::string& unit = found.figure.unit;
+    const auto [low, high] = found.difference_ci95();
+    table.add_row({escaped(figure_words(found.figure)), escaped(quantity(found.good_mean(), unit)),
+                   escaped(quantity(found.lot_mean(), unit)), escaped(quantity(found.difference(), unit)),
+                   escaped(quantity(low, unit) + " to " + quantity(high, unit)),
+                   fmt::format("{:.2g}", found.p_adjusted)});
+  }
+  return body + table.markup();
+}
+
 std::string valves_part(const LotReport& report) {
   std::vector<Table::Column> columns{{"Serial"}, {"Received"}, {"Verdict"}, {"What is wrong"}};
   for (const LotReportLevel& level : report.levels) columns.push_back({fmt::format("{:.1f} A", level.level_a), true});
@@ -142,8 +162,9 @@ std::string lot_report_html(const LotReport& report) {
                                       counted(report.valves.size(), "valve"), escaped(report.first_received_at),
                                       escaped(report.last_received_at)) +
                               section("Verdicts", verdicts_part(report)) + section("Causes", causes_part(report)) +
-                              section("Error over time", errors_part(report)) + section("Valves", valves_part(report)) +
-                              section("How it was made", making_part(report)));
+                              section("Error over time", errors_part(report)) +
+                              section("What all valves share", shifts_part(report.shifts)) +
+                              section("Valves", valves_part(report)) + section("How it was made", making_part(report)));
 }
 
 }  // namespace valvetriage::report

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "server/report/lot_shift.h"
 #include "server/report/svg_plot.h"
 
 namespace valvetriage::report {
@@ -35,6 +36,7 @@ struct LotReport {
   std::string lot, first_received_at, last_received_at;
   std::vector<LotReportValve> valves;  ///< oldest first
   std::vector<LotReportLevel> levels;
+  LotShifts shifts;
 };
 
 /// A lot's report, as valve_report_html: verdicts, settled causes most frequent first, the error of each valve at each

@@ -7,6 +7,7 @@ import { causesCell, counted, featureWords, figure, qValue, spoken, time, verdic
 import { barRow } from "./gain_bar.js";
 import { parametersPart } from "./lot_parameters.js";
 import { patternsPart } from "./lot_patterns.js";
+import { shiftsPart } from "./lot_shifts.js";
 import { reportLink } from "./report_link.js";
 import { table } from "./table.js";
 
@@ -201,6 +202,7 @@ export async function showLot({ argument, parameters, signal }) {
   const path = `/v1/lots/${encodeURIComponent(argument)}`;
   const [lot, history] = await Promise.all([get(path, signal), get(`${path}/history`, signal)]);
   const sizes = parametersPart(path, parameters, signal);
+  const shifts = shiftsPart(path, signal);
   const patterns = patternsPart(path, signal);
   const node = el("div", {},
     el("h1", {}, "Lot ", argument),
@@ -213,9 +215,10 @@ export async function showLot({ argument, parameters, signal }) {
     section("Stands", standPart(argument, history.valves)),
     section("Figures over time", controlPart(history, parameters)),
     section("Sizes of the causes", sizes.node),
+    section("What all valves share", shifts.node),
     section("Patterns that no cause explains", patterns.node),
     section("Valves", valveTable(history)));
   return { node, title: `Lot ${argument}`,
     // What has to be read from many analyses waits until the rest is drawn.
-    shown: () => requestAnimationFrame(() => setTimeout(() => !signal.aborted && [sizes, patterns].forEach((part) => part.shown()))) };
+    shown: () => requestAnimationFrame(() => setTimeout(() => !signal.aborted && [sizes, shifts, patterns].forEach((part) => part.shown()))) };
 }

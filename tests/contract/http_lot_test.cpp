@@ -103,6 +103,15 @@ TEST_F(HttpLot, CountsEverySettledCauseOfAValveAndTellsItsQValue) {
   EXPECT_EQ(with_itself["causes"][0]["of_a"], 2) << "valves, not names";
 }
 
+TEST_F(HttpLot, SaysWhyItsValvesCannotBeHeldAgainstGoodOnes) {
+  for (const char* serial : {"EFC-1", "EFC-2", "EFC-3"}) send(serial, "none");
+  const Json shifts = get("/v1/lots/lot-1/shifts");
+  EXPECT_TRUE(shifts["items"].empty());
+  EXPECT_TRUE(shifts["sentences"].empty());
+  EXPECT_EQ(shifts["scope"],
+            "No valve of this lot without a settled cause was compared with a stored reference of good valves.");
+}
+
 TEST_F(HttpLot, TellsItsHistoryWhateverItsLabelsHold) {
   send("a\"b\\c<img>", "unexplained", "stand \"ü\"");
   send("EFC-2", "named friction");

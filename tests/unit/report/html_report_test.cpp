@@ -40,9 +40,25 @@ ValveReport sticking_valve() {
   return report;
 }
 
+/// Twelve valves, 0.8 ms later than thirty good ones; their frequency 10 % lower, which chance does as well.
+LotShifts late_lot() {
+  LotShifts shifts{.fitting = 12, .valves = 12, .valve_type = "type-1", .reference_version = 3, .good_valves = 30};
+  shifts.figures = {{.figure = {.name = "delay_s", .unit = "s", .good = {.mean = 0.0064, .sd = 0.0005, .valves = 30}},
+                     .shift = {.shift = 0.0008, .ci95 = {0.0004, 0.0012}, .p_value = 0.0004, .largest_single = 2.31},
+                     .p_adjusted = 0.0008},
+                    {.figure = {.name = "natural_frequency_rad_s",
+                                .unit = "rad/s",
+                                .logarithmic = true,
+                                .good = {.mean = std::log(200), .sd = 0.1, .valves = 30}},
+                     .shift = {.shift = std::log(0.9), .ci95 = {-0.3, 0.1}, .p_value = 0.3, .largest_single = 1},
+                     .p_adjusted = 0.3}};
+  return shifts;
+}
+
 LotReport small_lot() {
   LotReport report{
       .lot = "2026-W31-B", .first_received_at = "2026-08-03T09:12:44Z", .last_received_at = "2026-08-04T09:12:44Z"};
+  report.shifts = late_lot();
   report.valves = {{.serial = "EFC-1",
                     .received_at = "2026-08-03T09:12:44Z",
                     .verdict = "Good",
@@ -121,6 +137,28 @@ TEST(ValveReport, OfAnUnexplainedValveNamesNoFault) {
   const std::string html = valve_report_html(report);
   EXPECT_NE(html.find("It is not known what"), std::string::npos);
   EXPECT_EQ(html.find("fault"), std::string::npos);
+}
+
+TEST(LotShift, IsASentenceWithSizeUnitIntervalAndChance) {
+  const auto sentences = shift_sentences(late_lot());
+  ASSERT_EQ(sentences.size(), 1u) << "what chance does as well is no sentence";
+  EXPECT_EQ(sentences[0],
+            "Delay: +0.8 ms in all valves (95 %: +0.4 ms to +1.2 ms), 7.2 ms where good valves have 6.4 ms, p = 0.0008 "
+            "paid for 2 figures. The farthest single valve is 2.3 standard deviations from good ones.");
+}
+
+TEST(LotShift, OfALogarithmicFigureIsInItsOwnUnit) {
+  EXPECT_NEAR(late_lot().figures[1].difference(), -20, 1e-9);
+  EXPECT_NEAR(late_lot().figures[1].lot_mean(), 180, 1e-9);
+}
+
+TEST(LotShift, TellsWhatWasComparedOrWhyNothingWas) {
+  EXPECT_EQ(shift_scope({}),
+            "No valve of this lot without a settled cause was compared with a stored reference of good valves.");
+  LotShifts quiet = late_lot();
+  quiet.figures[0].p_adjusted = 0.2;
+  EXPECT_NE(shift_scope(quiet).find("No figure is shifted beyond chance."), std::string::npos);
+  EXPECT_EQ(shift_scope(late_lot()).find("beyond chance"), std::string::npos);
 }
 
 TEST(LotReport, IsTheGoldenFile) {
