@@ -7,6 +7,7 @@ import { problemText } from "./valve_view.js";
 
 const AT_A_TIME = 3;
 const HEAD_BYTES = 4096;
+const JSON_BYTES = 4e6; // a session of 40,000 samples
 const FILE = /\.(csv|txt|json|mat)(\.gz|\.zst)?$/i;
 const LABELS = ["serial", "lot", "valve_type", "stand"];
 const CONDITIONS = [["", "as the file says"], ["returned", "returned"], ["new", "new"], ["prototype", "prototype"], ["unknown", "unknown"]];
@@ -30,10 +31,41 @@ async function droppedFiles(items) {
   return found;
 }
 
-/// `# key: value` lines at the head of a CSV file; nothing of other files.
+/// The first characters of a file, unpacked where it is gzip.
+async function headOf(file, most) {
+  if (!/\.gz$/i.test(file.name)) return file.slice(0, most).text();
+  const reader = file.stream().pipeThrough(new DecompressionStream("gzip")).pipeThrough(new TextDecoderStream()).getReader();
+  let text = "";
+  try {
+    while (text.length < most) {
+      const { value, done } = await reader.read();
+      if (done) break;
+      text += value;
+    }
+  } catch {
+    // No gzip after all: the server says so when it is sent.
+  }
+  reader.cancel().catch(() => {});
+  return text.slice(0, most);
+}
+
+/// `metadata` of a JSON recording that is small enough to be read here.
+async function jsonLabels(file) {
+  if (file.size > JSON_BYTES) return {};
+  try {
+    const { metadata } = JSON.parse(await headOf(file, 20 * JSON_BYTES));
+    return Object.fromEntries(Object.entries(metadata ?? {}).filter(([, value]) => typeof value === "string"));
+  } catch {
+    return {}; // the server says what is wrong with it
+  }
+}
+
+/// What a file says of itself: `# key: value` lines at the head of a CSV, `metadata` of a JSON; of other files nothing is
+/// known before the server reads them.
 async function labelsOf(file) {
-  if (!/\.(csv|txt)$/i.test(file.name)) return {};
-  const text = await file.slice(0, HEAD_BYTES).text();
+  if (/\.json(\.gz)?$/i.test(file.name)) return jsonLabels(file);
+  if (!/\.(csv|txt)(\.gz)?$/i.test(file.name)) return {};
+  const text = await headOf(file, HEAD_BYTES);
   const labels = {};
   for (const line of text.split(/\r?\n/)) {
     if (!line.startsWith("#")) break;

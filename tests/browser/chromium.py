@@ -120,6 +120,13 @@ class Chromium:
         with open(file, "wb") as out:
             out.write(base64.b64decode(picture["data"]))
 
+    def drop_files(self, selector, files):
+        """Drops files or folders onto an element."""
+        x, y = self.run(f"(() => {{ const r = document.querySelector({json.dumps(selector)}).getBoundingClientRect(); return [r.x + r.width / 2, r.y + 20]; }})()")
+        data = {"items": [], "files": [str(file) for file in files], "dragOperationsMask": 1}
+        for kind in ("dragEnter", "dragOver", "drop"):
+            self.call("Input.dispatchDragEvent", type=kind, x=x, y=y, data=data)
+
     def set_files(self, selector, files):
         """Chooses files in an <input type=file>."""
         document = self.call("DOM.getDocument")["root"]["nodeId"]

@@ -2,6 +2,8 @@
 
 usage: page_test.py CHROMIUM SERVER [PICTURES]      SERVER is contract_http; PICTURES a folder for screenshots
 """
+import gzip
+import json
 import pathlib
 import sys
 import tempfile
@@ -140,6 +142,49 @@ class Page(unittest.TestCase):
         self.assertIn("step 1.60 A, 0.5 to 1.25 s", self.browser.run("document.querySelector('.plots').textContent"))
         self.browser.run("document.querySelector('.marks button').click()")
         self.browser.wait("location.hash.includes('from=1.45')")
+
+    def test_a_dropped_folder_is_one_session_for_each_folder_in_it(self):
+        for serial in ("EFC-A", "EFC-B"):
+            (self.folder / "returned" / serial).mkdir(parents=True)
+            for name in ("one.csv", "two.csv", "notes.docx"):
+                (self.folder / "returned" / serial / name).write_text(recording(serial, "2026-W40"))
+        self.open("/upload", "Drop recordings here")
+        self.browser.drop_files(".drop", [self.folder / "returned"])
+        self.browser.wait_for_text("Upload 2 valves")
+        text = self.browser.text()
+        self.assertIn("returned/EFC-A: 2 files", text)
+        self.assertIn("2 files are no recordings (CSV, JSON or MAT) and were left out.", text)
+        read = "[...document.querySelectorAll('input[aria-label^=\"{} of \"]')].map((input) => input.value).sort()"
+        self.assertEqual(self.browser.run(read.format("serial")), ["EFC-A", "EFC-B"])
+        self.assertEqual(self.browser.run(read.format("lot")), ["2026-W40", "2026-W40"])
+
+    def test_what_a_file_says_of_itself_is_read_from_json_and_from_gzip_too(self):
+        packed = self.folder / "packed.csv.gz"
+        packed.write_bytes(gzip.compress(recording("EFC-GZ", "2026-W40").encode()))
+        document = self.folder / "document.json"
+        document.write_text(json.dumps({"metadata": {"serial": "EFC-JSON", "lot": "2026-W41"}, "columns": {"time_s": [0, 1]}}))
+        broken = self.folder / "broken.json"
+        broken.write_text("{")
+        self.open("/upload", "Drop recordings here")
+        self.browser.set_files("#choose-files", [packed, document, broken])
+        self.browser.wait_for_text("Upload 3 valves")
+        values = {name: self.browser.run(f"document.querySelector('input[aria-label=\"serial of {name}\"]').value")
+                  for name in ("packed.csv.gz", "document.json", "broken.json")}
+        self.assertEqual(values, {"packed.csv.gz": "EFC-GZ", "document.json": "EFC-JSON", "broken.json": ""})
+
+    def test_a_label_that_contradicts_its_file_is_refused_in_words_and_may_be_sent_again(self):
+        file = self.folder / "contradicted.csv"
+        file.write_text(recording("EFC-77", "2026-W40"))
+        self.open("/upload", "Drop recordings here")
+        self.browser.set_files("#choose-files", [file])
+        self.browser.wait_for_text("Upload 1 valve")
+        serial = "document.querySelector('input[aria-label=\"serial of contradicted.csv\"]')"
+        self.browser.run(f"{serial}.value = 'EFC-78'")
+        self.browser.run("document.querySelector('button.primary').click()")
+        self.browser.wait_for_text("EFC-77")
+        self.assertIn("EFC-78", self.browser.text())
+        self.assertFalse(self.browser.run("document.querySelector('main table button').hidden"))
+        self.browser.errors.clear()  # the console notes the 422
 
     def test_a_finding_is_stored(self):
         self.open_valve("EFC-104233")
