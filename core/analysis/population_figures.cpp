@@ -7,7 +7,8 @@
 namespace valvetriage {
 namespace {
 
-/// Back from to_model: both loops out of the one that they make together (loop_of), whose first share is the narrow one.
+/// Back from to_model: both loops out of the one that they make together (loop_of), whose first share is the narrow
+/// one.
 std::optional<ValveParameters> parameters_of(const Model& model) {
   const auto spool = to_valve_dynamics(model.dynamics);
   if (model.kind != "valve" || !spool || !model.loop || !model.volume || !model.map) return std::nullopt;

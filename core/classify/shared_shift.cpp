@@ -50,8 +50,7 @@ std::optional<SharedShift> shared_shift(std::span<const double> values, const Go
   const boost::math::students_t student(found.degrees_of_freedom);
   const double half = found.std_error * boost::math::quantile(student, 0.975);
   found.ci95 = {found.shift - half, found.shift + half};
-  found.p_value =
-      2 * boost::math::cdf(boost::math::complement(student, std::abs(found.shift) / found.std_error));
+  found.p_value = 2 * boost::math::cdf(boost::math::complement(student, std::abs(found.shift) / found.std_error));
   for (const double value : values) {
     const double deviation = std::abs(value - good.mean) / (good.sd * std::sqrt(1 + 1 / n));
     found.largest_single = std::max(found.largest_single, deviation);

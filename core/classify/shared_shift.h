@@ -34,8 +34,8 @@ inline constexpr int kFewestShiftValves = 3;
 /// μ and σ are those of n good valves: a mean over few of them is uncertain, and t's tails say so. m is the mean of the
 /// lot's v valves without a fifth at each end, s_m its standard error from the winsorised variance, so that one bad
 /// valve is no shift of the lot. Few valves may lie close together by chance: they count as no surer than as many good
-/// ones. Degrees of freedom: Welch's, but no more than the n − 1 of the good valves. Estimates that were drawn towards the good valves (a prior) scatter less and lie
-/// nearer: they make the test slower to speak, never quicker.
+/// ones. Degrees of freedom: Welch's, but no more than the n − 1 of the good valves. Estimates that were drawn towards
+/// the good valves (a prior) scatter less and lie nearer: they make the test slower to speak, never quicker.
 ///
 /// values   one per valve, finite
 /// Returns  nothing for fewer than kFewestShiftValves values or where neither scatters

@@ -8,9 +8,12 @@
 #include "server/http/limits.h"
 #include "server/http/lot_history.h"
 #include "server/http/lot_shifts.h"
+#include "server/http/lot_sizes.h"
 #include "server/http/receive.h"
 #include "server/http/report_response.h"
 #include "server/http/stored_history.h"
+#include "server/http/stored_patterns.h"
+#include "server/http/stored_recording.h"
 #include "server/http/views.h"
 #include "server/report/lot_report.h"
 #include "server/wire/json_fields.h"
@@ -115,6 +118,38 @@ report::LotReportLevel reported_level(double level_a, const FigureHistory& level
   return shown;
 }
 
+std::string serial_of(const SubmissionRow& valve) {
+  return valve.labels.serial.value_or("without serial");
+}
+
+report::Panel residual_panel(const GroupResidual& residual) {
+  const auto curve = [&](const char* name, report::Ink ink, double deviations) {
+    report::Curve line{.name = name, .ink = ink, .x = residual.time_s, .y = residual.mean};
+    for (std::size_t i = 0; i < line.y.size(); ++i) line.y[i] += deviations * residual.sd[i];
+    return line;
+  };
+  report::Panel panel{.title = "Residual, " + residual.test, .height = 150, .curves = {}};
+  panel.curves = {curve("mean", report::Ink::kSimulated, 0), curve("less 1 sd", report::Ink::kInput, -1),
+                  curve("plus 1 sd", report::Ink::kInput, 1)};
+  if (!residual.good.empty()) {
+    panel.curves.push_back(
+        {.name = "good valves", .ink = report::Ink::kMeasured, .x = residual.time_s, .y = residual.good});
+  }
+  return panel;
+}
+
+report::PatternsShown shown_patterns(const StoredPatterns& patterns) {
+  report::PatternsShown shown{
+      .unexplained = patterns.unexplained, .compared = patterns.compared.size(), .groups = {}, .alone = {}};
+  for (const LotPattern& pattern : patterns.groups) {
+    report::PatternShown& group = shown.groups.emplace_back();
+    for (const std::size_t member : pattern.members) group.members.push_back(serial_of(*patterns.compared[member]));
+    for (const GroupResidual& residual : pattern.residuals) group.panels.push_back(residual_panel(residual));
+  }
+  for (const SubmissionRow* valve : patterns.alone()) shown.alone.push_back(serial_of(*valve));
+  return shown;
+}
+
 Result<NewFinding> finding_of(const Json& document, const Request& request) {
   std::optional<Error> error;
   JsonFields fields(document, "", error);
@@ -198,7 +233,9 @@ Result<Response> get_lot_report(Service& service, Request& request) {
                            .last_received_at = format_rfc3339(lot->last_received_at),
                            .valves = {},
                            .levels = {},
-                           .shifts = {}};
+                           .shifts = {},
+                           .sizes = {},
+                           .patterns = {}};
   const std::vector<std::vector<double>> q_values = name_q_values(history->valves);
   for (std::size_t i = 0; i < history->valves.size(); ++i) {
     auto valve = reported_valve(service.store, history->valves[i], q_values[i]);
@@ -208,6 +245,14 @@ Result<Response> get_lot_report(Service& service, Request& request) {
   auto shifts = lot_shifts(service.store, *history);
   if (!shifts) return tl::unexpected(shifts.error());
   report.shifts = std::move(*shifts);
+  auto sizes = lot_sizes(service.store, *history);
+  if (!sizes) return tl::unexpected(sizes.error());
+  report.sizes = std::move(*sizes);
+  const auto place = ComputationPlace::take(service);
+  if (!place) return tl::unexpected(place.error());
+  const auto patterns = stored_patterns(service, *history);
+  if (!patterns) return tl::unexpected(patterns.error());
+  report.patterns = shown_patterns(*patterns);
   for (const auto& [level_a, level] : history->levels) {
     report.levels.push_back(reported_level(level_a, level, history->valves));
   }

@@ -68,8 +68,8 @@ Result<report::LotShifts> lot_shifts(Store& store, const LotHistory& history) {
     if (!fitted) return tl::unexpected(fitted.error());
     if (*fitted) fits[(*fitted)->reference].push_back(std::move((*fitted)->model));
   }
-  const auto most = std::max_element(
-      fits.begin(), fits.end(), [](const auto& a, const auto& b) { return a.second.size() < b.second.size(); });
+  const auto most = std::max_element(fits.begin(), fits.end(),
+                                     [](const auto& a, const auto& b) { return a.second.size() < b.second.size(); });
   if (most == fits.end()) return shifts;
   const auto& [valve_type, version] = most->first;
   const auto stored = store.document(DocumentKind::kReference, valve_type, version);

@@ -15,7 +15,7 @@ namespace valvetriage::http {
 /// Series and simulations computed inside the server at a time: each may hold one large recording in memory.
 inline constexpr int kMaxComputations = 2;
 
-/// Residuals of valves by the analysis they belong to, which never changes; see lot_pattern_handlers.cpp.
+/// Residuals of valves by the analysis they belong to, which never changes; see stored_patterns.cpp.
 struct ResidualCache;
 std::shared_ptr<ResidualCache> make_residual_cache();
 

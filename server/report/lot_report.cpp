@@ -122,6 +122,29 @@ std::string shifts_part(const LotShifts& shifts) {
   return body + table.markup();
 }
 
+std::string joined(const std::vector<std::string>& serials) {
+  std::string list;
+  for (const std::string& serial : serials) list += (list.empty() ? "" : ", ") + escaped(serial);
+  return list;
+}
+
+/// Unexplained valves that leave the same residual, and those that are like no other.
+std::string patterns_part(const PatternsShown& patterns) {
+  if (patterns.unexplained == 0) return "<p>No valve of this lot is unexplained.</p>\n";
+  std::string body = fmt::format("<p>{} unexplained; the residuals over time of the newest {} were compared.{}</p>\n",
+                                 counted(patterns.unexplained, "valve"), patterns.compared,
+                                 patterns.groups.empty() ? " No two of them leave the same." : "");
+  for (std::size_t i = 0; i < patterns.groups.size(); ++i) {
+    const PatternShown& group = patterns.groups[i];
+    const std::string title = fmt::format("Pattern {}: {}", i + 1, counted(group.members.size(), "valve"));
+    body += fmt::format("<h3>{}</h3>\n<p>{}</p>\n", title, joined(group.members)) +
+            drawn(time_plot(title + ", mean residual over time", group.panels));
+  }
+  if (patterns.alone.empty()) return body;
+  return body + fmt::format("<p>{}{}.</p>\n",
+                            patterns.groups.empty() ? "They are: " : "Like no other: ", joined(patterns.alone));
+}
+
 std::string valves_part(const LotReport& report) {
   std::vector<Table::Column> columns{{"Serial"}, {"Received"}, {"Verdict"}, {"What is wrong"}};
   for (const LotReportLevel& level : report.levels) columns.push_back({fmt::format("{:.1f} A", level.level_a), true});
@@ -163,6 +186,8 @@ std::string lot_report_html(const LotReport& report) {
                                       escaped(report.last_received_at)) +
                               section("Verdicts", verdicts_part(report)) + section("Causes", causes_part(report)) +
                               section("Error over time", errors_part(report)) +
+                              section("Sizes of the causes", sizes_markup(report.sizes)) +
+                              section("Patterns that no cause explains", patterns_part(report.patterns)) +
                               section("What all valves share", shifts_part(report.shifts)) +
                               section("Valves", valves_part(report)) + section("How it was made", making_part(report)));
 }

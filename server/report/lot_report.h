@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "server/report/cause_sizes.h"
 #include "server/report/lot_shift.h"
 #include "server/report/svg_plot.h"
 
@@ -32,11 +33,26 @@ struct LotReportLevel {
   std::optional<ChartLimits> limits;
 };
 
+/// A group of unexplained valves that leave the same residual.
+struct PatternShown {
+  std::vector<std::string> members;  ///< serials, most typical first
+  std::vector<Panel> panels;         ///< mean residual with one standard deviation on both sides, of each test
+};
+
+/// Of the newest `compared` of `unexplained` valves.
+struct PatternsShown {
+  std::size_t unexplained = 0, compared = 0;
+  std::vector<PatternShown> groups;
+  std::vector<std::string> alone;  ///< serials like no other
+};
+
 struct LotReport {
   std::string lot, first_received_at, last_received_at;
   std::vector<LotReportValve> valves;  ///< oldest first
   std::vector<LotReportLevel> levels;
   LotShifts shifts;
+  LotSizes sizes;
+  PatternsShown patterns;
 };
 
 /// A lot's report, as valve_report_html: verdicts, settled causes most frequent first, the error of each valve at each

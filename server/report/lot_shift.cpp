@@ -56,10 +56,11 @@ std::vector<std::string> shift_sentences(const LotShifts& shifts) {
     const std::string& unit = found.figure.unit;
     const auto [low, high] = found.difference_ci95();
     std::string sentence = spoken(figure_words(found.figure));
-    sentence += fmt::format(": {} in all valves (95 %: {} to {}), {} where good valves have {}, {} paid for {} figures.",
-                            with_sign(found.difference(), unit), with_sign(low, unit), with_sign(high, unit),
-                            quantity(found.lot_mean(), unit), quantity(found.good_mean(), unit),
-                            p_text(found.p_adjusted), shifts.figures.size());
+    sentence +=
+        fmt::format(": {} in all valves (95 %: {} to {}), {} where good valves have {}, {} paid for {} figures.",
+                    with_sign(found.difference(), unit), with_sign(low, unit), with_sign(high, unit),
+                    quantity(found.lot_mean(), unit), quantity(found.good_mean(), unit), p_text(found.p_adjusted),
+                    shifts.figures.size());
     sentence += fmt::format(" The farthest single valve is {:.1f} standard deviations from good ones.",
                             found.shift.largest_single);
     sentences.push_back(std::move(sentence));
@@ -68,7 +69,8 @@ std::vector<std::string> shift_sentences(const LotShifts& shifts) {
 }
 
 std::string shift_scope(const LotShifts& shifts) {
-  if (shifts.valve_type.empty()) return "No valve of this lot without a settled cause was compared with a stored reference of good valves.";
+  if (shifts.valve_type.empty())
+    return "No valve of this lot without a settled cause was compared with a stored reference of good valves.";
   if (shifts.figures.empty()) {
     return fmt::format(
         "A shift that all valves share needs {} valves without a settled cause; of this lot {} can be compared.",

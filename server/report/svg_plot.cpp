@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "server/report/markup.h"
+#include "server/report/sizes_plot.h"
 
 namespace valvetriage::report {
 namespace {
@@ -240,6 +241,39 @@ std::string individuals_plot(const std::string& title, std::span<const ChartPoin
   for (std::size_t i = 0; i < points.size(); ++i) out += mark(points[i], x(static_cast<double>(i)), y(points[i].value));
   return out + text((kLeft + kWidth) / 2, kHeight - 6, "valves in the order received", "text-anchor=\"middle\"") +
          "</svg>\n";
+}
+
+std::string sizes_plot(const std::string& title, std::span<const SizedMark> marks,
+                       const std::optional<std::array<double, 2>>& band) {
+  constexpr double kRow = 9, kFewestRows = 4, kMostRows = 40;
+  std::vector<SizedMark> sorted(marks.begin(), marks.end());
+  std::sort(sorted.begin(), sorted.end(), [](const SizedMark& a, const SizedMark& b) { return a.value > b.value; });
+  Range values;
+  for (const SizedMark& sized : sorted) {
+    for (const double value : {sized.value, sized.low, sized.high}) values.include(value);
+  }
+  if (band) std::for_each(band->begin(), band->end(), [&](double value) { values.include(value); });
+  const auto count = static_cast<double>(sorted.size());
+  const double height = kTop + kRow * std::clamp(count, kFewestRows, kMostRows) + kBottom;
+  const Scale x{values.drawable().widened(0.04), kLeft, kWidth - kRight};
+  const Scale y{{-0.5, std::max(count, 1.0) - 0.5}, kTop, height - kBottom};
+  std::string out = open_svg(title, height) + text(kLeft, 14, title, "font-weight=\"bold\" fill=\"#1b1f24\"");
+  if (band) {
+    out += fmt::format(
+        "<rect x=\"{:.1f}\" y=\"{:.1f}\" width=\"{:.1f}\" height=\"{:.1f}\" fill=\"#0072b2\" "
+        "fill-opacity=\"0.15\"><title>good valves</title></rect>\n",
+        x((*band)[0]), kTop, std::max(1.0, x((*band)[1]) - x((*band)[0])), height - kTop - kBottom);
+  }
+  out += horizontal_axis(x, height - kBottom);
+  for (std::size_t i = 0; i < sorted.size(); ++i) {
+    const SizedMark& sized = sorted[i];
+    const double place = y(static_cast<double>(i));
+    if (std::isfinite(sized.low) && std::isfinite(sized.high)) {
+      out += line(x(sized.low), place, x(sized.high), place, "stroke=\"#57606a\"");
+    }
+    out += fmt::format("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"3\" fill=\"#0072b2\"/>\n", x(sized.value), place);
+  }
+  return out + "</svg>\n";
 }
 
 }  // namespace valvetriage::report

@@ -11,6 +11,12 @@ export function quantile(sorted, share) {
   return below + (at - Math.floor(at)) * (above - below);
 }
 
+/// "breakaway" of breakaway_A, "gain change" of gain_change, which has no unit.
+function withoutUnit({ name, unit }) {
+  const suffix = `_${unit.replace("/", "_per_")}`.toLowerCase();
+  return (unit && name.toLowerCase().endsWith(suffix) ? name.slice(0, -suffix.length) : name).replaceAll("_", " ");
+}
+
 function parameterChart(cause, parameter) {
   const sorted = parameter.values.map((v) => v.value).sort((a, b) => a - b);
   const [factor, unit] = scaled(sorted[Math.floor(sorted.length / 2)], parameter.unit);
@@ -27,7 +33,7 @@ function parameterChart(cause, parameter) {
     el("p", { class: "small" }, `${counted(sorted.length, "valve")}: ${middle}; lines are 95 % intervals`,
       band ? `, the band is good valves (${withDeviation(times(mean), times(2 * sd))}${unit ? ` ${unit}` : ""})` : null, "."),
     distributionChart({ values, band, label: `${parameter.name} of ${spoken(cause).toLowerCase()} over ${counted(sorted.length, "valve")}: ${middle}`,
-      xTitle: `${parameter.name.replace(/_[A-Za-z]+(_per_s)?$/, "").replaceAll("_", " ")}${unit ? ` [${unit}]` : ""}` }));
+      xTitle: `${withoutUnit(parameter)}${unit ? ` [${unit}]` : ""}` }));
 }
 
 /// Loads into its place after the view is shown; the chosen cause stands in the address.

@@ -31,8 +31,8 @@ Reference a_reference(const ValveParameters& mean) {
   const Eigen::VectorXd vector = to_vector(mean);
   for (std::size_t j = 0; j < kValveParameters.size(); ++j) {
     const ValveParameterInfo& info = kValveParameters[j];
-    reference.parameters.push_back({std::string(info.name), std::string(info.unit),
-                                    info.logarithmic ? "log" : "linear", vector(static_cast<Eigen::Index>(j)), 0.1});
+    reference.parameters.push_back({std::string(info.name), std::string(info.unit), info.logarithmic ? "log" : "linear",
+                                    vector(static_cast<Eigen::Index>(j)), 0.1});
   }
   reference.levels = {{.level_a = 1.4}, {.level_a = 1.75}};
   return reference;

@@ -31,8 +31,8 @@ double alarms(const Lots& lots, double level = 0.05) {
       squares += value * value;
     }
     const double n = lots.good_valves, mean = sum / n;
-    const GoodValves good{.mean = mean, .sd = std::sqrt((squares - n * mean * mean) / (n - 1)),
-                          .valves = lots.good_valves};
+    const GoodValves good{
+        .mean = mean, .sd = std::sqrt((squares - n * mean * mean) / (n - 1)), .valves = lots.good_valves};
     std::vector<double> values;
     for (int i = 0; i < lots.valves; ++i) {
       const double value = normal(random) + lots.shift + (i < lots.bad ? 20 : 0);
@@ -50,7 +50,8 @@ TEST(SharedShift, RaisesNoMoreFalseAlarmsThanItSaysHoweverFewTheValves) {
       const double share = alarms({.valves = valves, .good_valves = good_valves});
       EXPECT_LT(share, 0.055 + 3 * 0.0035) << valves << " valves, " << good_valves << " good ones";
       // A handful of valves cannot tell their own scatter: the test is slow there, and loses little else.
-      EXPECT_GT(share, valves >= 12 && good_valves >= 8 ? 0.01 : -1) << valves << " valves, " << good_valves << " good ones";
+      EXPECT_GT(share, valves >= 12 && good_valves >= 8 ? 0.01 : -1)
+          << valves << " valves, " << good_valves << " good ones";
     }
   }
 }

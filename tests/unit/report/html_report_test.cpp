@@ -59,6 +59,23 @@ LotReport small_lot() {
   LotReport report{
       .lot = "2026-W31-B", .first_received_at = "2026-08-03T09:12:44Z", .last_received_at = "2026-08-04T09:12:44Z"};
   report.shifts = late_lot();
+  report.sizes = {.named = 1,
+                  .read = 1,
+                  .causes = {{.cause = "friction",
+                              .valves = 2,
+                              .parameters = {{.name = "breakaway_A",
+                                              .unit = "A",
+                                              .population_mean = 0.002,
+                                              .population_sd = 0.001,
+                                              .values = {{"sub_1", "EFC-2", 0.02, {0.018, 0.022}},
+                                                         {"sub_2", "EFC-4", 0.03, {std::nan(""), std::nan("")}}}}}}}};
+  report.patterns = {.unexplained = 50,
+                     .compared = 40,
+                     .groups = {{.members = {"EFC-7", "EFC-8"},
+                                 .panels = {{.title = "Residual, step, 2.0 s",
+                                             .height = 150,
+                                             .curves = {{.name = "mean", .x = {0, 1, 2}, .y = {0, 5, 0}}}}}}},
+                     .alone = {"EFC-9"}};
   report.valves = {{.serial = "EFC-1",
                     .received_at = "2026-08-03T09:12:44Z",
                     .verdict = "Good",
@@ -174,8 +191,18 @@ TEST(LotReport, CountsAsCausesOnlyWhatIsSettled) {
   EXPECT_NE(html.find("not settled: Backlash, 60 %"), std::string::npos);
 }
 
+TEST(LotReport, ShowsTheSizesOfItsCausesAndThePatternsOfUnexplainedValves) {
+  const std::string html = lot_report_html(small_lot());
+  EXPECT_NE(html.find("2 valves: median 25 mA, the middle half from 22.5 mA to 27.5 mA"), std::string::npos);
+  EXPECT_NE(html.find("50 valves unexplained; the residuals over time of the newest 40 were compared."),
+            std::string::npos);
+  EXPECT_NE(html.find("EFC-7, EFC-8"), std::string::npos);
+  EXPECT_NE(html.find("Like no other: EFC-9."), std::string::npos);
+}
+
 TEST(LotReport, KeepsWhatAUserWroteAsText) {
   LotReport report = small_lot();
+  report.patterns.alone[0] = report.patterns.groups[0].members[0] = kHostile;
   report.lot = report.valves[0].serial = report.valves[1].names[0].cause = kHostile;
   EXPECT_EQ(lot_report_html(report).find("<img"), std::string::npos);
 }
