@@ -70,9 +70,14 @@ class Case:
     def number(self):
         return int(self.case.rsplit("-", 1)[1])
 
+    @property
+    def serial(self):
+        """The name that the analysis sees; the case's own tells its class."""
+        return "V" + hashlib.sha256(f"{self.unit_seed}/{self.noise_seed}".encode()).hexdigest()[:10]
+
     def stand_arguments(self):
         """What the stand is told: everything but where to write."""
-        arguments = ["motion" if self.plant == "motion" else "session", "--serial", self.case, "--lot", "hidden",
+        arguments = ["motion" if self.plant == "motion" else "session", "--serial", self.serial, "--lot", "hidden",
                      "--unit-seed", str(self.unit_seed), "--noise-seed", str(self.noise_seed), "--tests", self.tests]
         for option, hidden in (("--effect", self.effects), ("--decoy", self.decoys)):
             for name, size in hidden:
@@ -144,6 +149,15 @@ def draw(kind, number, seed, attempt, effects, decoys):
     if kind == "step_up":
         case.tests = "step_up"
     return case
+
+
+def drawn(seed, healthy, faulty, effects, decoys):
+    """Cases as they come, whatever their distances: of the faulty a sixth are pairs and a sixth have an effect that no
+    cause explains. More of them begin with the same ones, and the classes are mixed, so that a run may end anywhere."""
+    counts = {"healthy": healthy, "pair": faulty // 6, "outside": faulty // 6}
+    counts["single"] = faulty - counts["pair"] - counts["outside"]
+    places = [((number + 0.5) / count, kind, number) for kind, count in counts.items() for number in range(count)]
+    return [draw(kind, number, seed, 0, effects, decoys) for _, kind, number in sorted(places)]
 
 
 def rounded(size):

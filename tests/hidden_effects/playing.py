@@ -4,49 +4,22 @@ The folder of a case holds its recordings; truth and noise-free outputs lie unde
 to the scorer alone. Both are removed when the case is scored; the analysis and the outcome stay, under a hash of the
 product's binary, the stand's binary, the reference and the case, so that a rerun does only what has changed.
 """
+import contextlib
 import dataclasses
-import hashlib
 import json
 import math
-import os
 import pathlib
 import shutil
-import subprocess
 
+from engines import Command, Failed, Product, hash_of, run
 from scoring import judge
 
 PARTS = pathlib.Path(__file__).parent
 CLOSED_SHARE_D = 30.0
 # In a recording that was not analysed these come with a phase or at an instant that nobody can know.
 NOT_IN_OTHER_RECORDINGS = {"intermittent", "periodic_disturbance", "self_oscillation"}
-SIDE_CHANNELS = ["--columns", "side=temperature_C,supply_psi"]
-WARM_UP_SAMPLES = 200  # of a held-out recording: they set the initial state and are not scored
-
-
-class Failed(Exception):
-    pass
-
-
-def run(*command, limit_s=600):
-    """(standard output, processor seconds of this and no other child: one case at a time in a process); raises Failed
-    with the messages."""
-    before = os.times()
-    try:
-        done = subprocess.run([str(part) for part in command], capture_output=True, text=True, timeout=limit_s)
-    except subprocess.TimeoutExpired:
-        raise Failed(f"{pathlib.Path(command[0]).name} {command[1]} took more than {limit_s} s") from None
-    after = os.times()
-    if done.returncode != 0:
-        raise Failed(f"{pathlib.Path(command[0]).name} {command[1]} ended with {done.returncode}: {done.stderr.strip()[-400:]}")
-    return done.stdout, after.children_user + after.children_system - before.children_user - before.children_system
-
-
-def hash_of(*parts):
-    digest = hashlib.sha256()
-    for part in parts:
-        digest.update(part if isinstance(part, bytes) else str(part).encode())
-        digest.update(b"\0")
-    return digest.hexdigest()
+WARM_UP_SAMPLES = 200  # of a held-out recording: what was before it is unknown, so they are not scored
+CLOSED_ABOVE_PSI = 0.35  # the stand's noise, and twice the 0.06 to 0.19 psi that a baseline leaves on a good valve
 
 
 @dataclasses.dataclass
@@ -57,37 +30,64 @@ class Bench:
     work: pathlib.Path
     reference_valves: int = 8
     population_seed: int = 1
+    engine: Product | Command = None  # the product, unless another is given
+    bad_valve: tuple = ()  # (effect, size) that hides in one of the reference's valves
 
     def __post_init__(self):
-        self.binary_sha = hash_of(self.valvetriage.read_bytes())
+        self.engine = self.engine or Product(self.valvetriage)
         self.stand_sha = hash_of(self.stand.read_bytes())
         self.scorer_sha = hash_of(*[(PARTS / name).read_bytes() for name in ("playing.py", "scoring.py")])
         self.reference = None
+        self.reference_sha = hash_of(self.engine.sha, self.stand_sha, self.reference_valves, self.population_seed,
+                                     self.bad_valve)
 
     def learn_reference(self):
         """The population of good valves that every case is judged against, learned once."""
-        key = hash_of(self.binary_sha, self.stand_sha, self.reference_valves, self.population_seed)[:16]
-        self.reference = self.work / "references" / f"{self.reference_valves}-valves-{key}.json"
+        self.reference = self.work / "references" / f"{self.reference_valves}-valves-{self.reference_sha[:16]}"
         if self.reference.exists():
             return 0.0
         self.reference.parent.mkdir(parents=True, exist_ok=True)
-        good = self.work / f"good-{key}"
+        good = self.work / f"good-{self.reference_sha[:16]}"
         try:
-            run(self.stand, "population", "--out", good, "--valves", self.reference_valves, "--seed",
-                self.population_seed, "--tests", "full")
+            self.play_population(good)
             unfinished = self.reference.with_suffix(".unfinished")
-            _, seconds = run(self.valvetriage, "reference", "learn", good, "--valve-type", "type-1", "-o", unfinished,
-                             limit_s=3600)
+            seconds = self.engine.learn(good, unfinished)
             unfinished.rename(self.reference)
         finally:
             shutil.rmtree(good, ignore_errors=True)
         return seconds
 
+    def play_population(self, folder):
+        run(self.stand, "population", "--out", folder, "--valves", self.reference_valves, "--seed",
+            self.population_seed, "--tests", "full")
+        if self.bad_valve:
+            effect, size = self.bad_valve
+            first = min(path for path in folder.iterdir() if path.is_dir())
+            shutil.rmtree(first)
+            run(self.stand, "session", "--out", first, "--serial", first.name, "--lot", "reference", "--effect",
+                f"{effect}={size}", "--tests", "full")
+
+    def key(self, case):
+        """What the answer to a case hangs on."""
+        return hash_of(self.engine.sha, self.stand_sha, self.reference_sha, case.stand_arguments(), case.kind)[:20]
+
+    @contextlib.contextmanager
+    def played(self, case):
+        """(recordings, sealed) of a case: two folders that are gone afterwards."""
+        place = f"{case.serial}-{self.key(case)}"
+        recordings, sealed = self.work / "recordings" / place, self.work / "sealed" / place
+        try:
+            run(self.stand, *case.stand_arguments(), "--out", recordings, "--truth", sealed / "truth.json",
+                "--clean", sealed / "clean")
+            yield recordings, sealed
+        finally:
+            shutil.rmtree(recordings, ignore_errors=True)
+            shutil.rmtree(sealed, ignore_errors=True)
+
 
 def outcome_of(bench, case):
     """The scored outcome of a case, from the cache if nothing that it hangs on has changed."""
-    arguments = case.stand_arguments()
-    key = hash_of(bench.binary_sha, bench.stand_sha, bench.reference.read_bytes(), arguments, case.kind)[:20]
+    key = bench.key(case)
     kept = bench.work / "results" / case.case
     kept.mkdir(parents=True, exist_ok=True)
     outcome_file = kept / f"{key}.outcome.json"
@@ -99,36 +99,25 @@ def outcome_of(bench, case):
     for old in kept.iterdir():
         if not old.name.startswith(key):
             old.unlink()
-    recordings, sealed = bench.work / "recordings" / case.case, bench.work / "sealed" / case.case
     try:
-        run(bench.stand, *arguments, "--out", recordings, "--truth", sealed / "truth.json", "--clean", sealed / "clean")
-        analysis, seconds = analysed(bench, case, recordings, kept / f"{key}.analysis.json")
-        held_out = held_out_analysis(bench, case, recordings, kept / f"{key}.held_out.json")
-        outcome = judge(case, analysis, json.loads((sealed / "truth.json").read_text()))
-        outcome["closed_share"] = closed_share(bench, held_out, recordings, sealed / "clean") if held_out else None
-        outcome["seconds"] = seconds
+        with bench.played(case) as (recordings, sealed):
+            analysis, seconds = kept_analysis(bench, case, recordings, kept / f"{key}.analysis.json")
+            outcome = judge(case, analysis, json.loads((sealed / "truth.json").read_text()))
+            outcome["closed_share"] = share_closed(held_out_errors(bench, case, recordings, sealed / "clean"))
+            outcome["seconds"] = seconds
     except Failed as failure:
         outcome = judge(case, None, None)
         outcome["failure"] = str(failure)
-    finally:
-        shutil.rmtree(recordings, ignore_errors=True)
-        shutil.rmtree(sealed, ignore_errors=True)
     outcome_file.write_text(json.dumps({"stamp": stamp, **outcome}))
     return outcome
 
 
-def analysed(bench, case, recordings, kept):
+def kept_analysis(bench, case, recordings, kept):
     """(analysis, processor seconds) of the recordings of a folder; an analysis that is there is not made again."""
     if kept.exists():
         stored = json.loads(kept.read_text())
         return stored["analysis"], stored["seconds"]
-    options = []
-    if case.plant == "motion":
-        options = ["--baseline", "self", "--columns", "time=time_s,input=u,output=y"]
-    else:
-        options = ["--reference", bench.reference, *SIDE_CHANNELS]
-    text, seconds = run(bench.valvetriage, "analyze", *sorted(recordings.glob("*.csv")), *options, "--json")
-    analysis = json.loads(text)
+    analysis, seconds = bench.engine.analyse(case, recordings, bench.reference)
     kept.write_text(json.dumps({"seconds": seconds, "analysis": analysis}))
     return analysis, seconds
 
@@ -138,9 +127,10 @@ def held_out_recording(case):
     return ("multisine", "staircase", "sweep", "triangle", "triangle_fast")[case.number % 5]
 
 
-def held_out_analysis(bench, case, recordings, kept):
-    """The models of an analysis without one recording, where the effect is large enough to ask what they close."""
-    if case.kind != "single" or case.plant != "valve" or not case.d >= CLOSED_SHARE_D:
+def held_out_errors(bench, case, recordings, clean):
+    """What baseline and extended model of an analysis without one recording leave there, root mean square [psi] against
+    the noise-free output; None where the effect is too small to ask, or the engine simulates nothing."""
+    if case.kind != "single" or case.plant != "valve" or not case.d >= CLOSED_SHARE_D or not bench.engine.simulate:
         return None
     if case.effects[0][0] in NOT_IN_OTHER_RECORDINGS:
         return None
@@ -148,26 +138,29 @@ def held_out_analysis(bench, case, recordings, kept):
     aside = recordings.with_name(recordings.name + ".without")
     shutil.copytree(recordings, aside, ignore=shutil.ignore_patterns(f"{name}.csv"))
     try:
-        analysis, _ = analysed(bench, case, aside, kept)
+        analysis, _ = bench.engine.analyse(case, aside, bench.reference)
+        models = {"baseline": analysis["baseline"]["model"], "extended": analysis["extended_model"]}
+        return {"recording": name} | {which: error_of_model(bench, model, recordings / f"{name}.csv",
+                                                            clean / f"{name}.csv", aside)
+                                      for which, model in models.items()}
     finally:
         shutil.rmtree(aside, ignore_errors=True)
-    return {"name": name, "baseline": analysis["baseline"]["model"], "extended": analysis["extended_model"]}
 
 
-def closed_share(bench, held_out, recordings, clean):
-    """1 - energy of (extended - truth) over energy of (baseline - truth), on the held-out recording, against the
-    noise-free output; the first second is not counted, where the unknown state settles."""
-    truth = column(clean / f"{held_out['name']}.csv", "pressure_psi")
-    energy = {}
-    for which in ("baseline", "extended"):
-        model = recordings / f"{which}.model.json"
-        model.write_text(json.dumps(held_out[which]))
-        simulated = recordings / f"{which}.simulated.csv"
-        run(bench.valvetriage, "simulate", "--model", model, "--input", recordings / f"{held_out['name']}.csv",
-            *SIDE_CHANNELS, "--initial-samples", WARM_UP_SAMPLES, "-o", simulated)
-        output = column(simulated, "output_simulated")
-        energy[which] = math.fsum((a - b) ** 2 for a, b in list(zip(output, truth))[WARM_UP_SAMPLES:])
-    return 1 - energy["extended"] / energy["baseline"]
+def error_of_model(bench, model, recording, clean, folder):
+    """Simulated from the steady state at the first input."""
+    (folder / "model.json").write_text(json.dumps(model))
+    bench.engine.simulate(folder / "model.json", recording, folder / "simulated.csv")
+    pairs = list(zip(column(folder / "simulated.csv", "output_simulated"), column(clean, "pressure_psi")))
+    scored = pairs[WARM_UP_SAMPLES:]
+    return math.sqrt(math.fsum((a - b) ** 2 for a, b in scored) / len(scored))
+
+
+def share_closed(errors):
+    """1 - squared error of the extended model over that of the baseline; None where the baseline leaves nothing."""
+    if not errors or errors["baseline"] < CLOSED_ABOVE_PSI:
+        return None
+    return 1 - (errors["extended"] / errors["baseline"]) ** 2
 
 
 def column(path, name):

@@ -18,8 +18,24 @@ import math
 import statistics
 
 CONFIDENT = 0.95
-CLOSED_SHARE_D = 30.0
-NAMED_D = 8.0
+
+
+def trimmed(analysis):
+    """What is scored of an answer; what another program leaves out is empty."""
+    found = analysis.get("discrepancy")
+    if not found:
+        return None
+    next_test = found.get("next_test")
+    return {
+        "conclusion": found["conclusion"],
+        "causes": [{"cause": cause["cause"], "probability": cause["probability"],
+                    "alternatives": cause.get("alternatives", []), "parameters": cause.get("parameters", {})}
+                   for cause in found.get("causes", [])],
+        "candidates": [{"cause": candidate["cause"], "probability": candidate["probability"]}
+                       for candidate in found.get("candidates", []) if candidate["probability"] > 1e-4],
+        "transfer": (found.get("gain") or {}).get("transfer", []),
+        "next_test": next_test and {name: next_test[name] for name in ("test", "expected_probability", "separates")},
+    }
 
 
 def judge(case, analysis, truth):
@@ -32,7 +48,7 @@ def judge(case, analysis, truth):
                "parameters": [], "top_candidates": [], "closed_share": None, "seconds": None, "failure": None}
     if analysis is None:
         return outcome | {"outcome": "failed"}
-    found = analysis.get("discrepancy")
+    found = trimmed(analysis)
     if not found:
         return outcome | {"outcome": "no_answer"}
     causes = found["causes"]

@@ -1,0 +1,57 @@
+"""The README's way for other programs: always_none.py on a handful of cases, by `run` and by `full`."""
+import json
+import pathlib
+import shlex
+import subprocess
+import sys
+import tempfile
+import unittest
+
+HERE = pathlib.Path(__file__).resolve().parent
+BUILD = pathlib.Path(sys.argv.pop(1)).resolve()
+ENGINE = shlex.join([sys.executable, str(HERE / "always_none.py")]) + " {folder} {reference}"
+
+
+class AnotherEngine(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = pathlib.Path(folder.name)
+
+    def called(self, program, *arguments):
+        command = [sys.executable, HERE / program, "--build", BUILD, "--work", self.folder / "work", *arguments]
+        return subprocess.run([str(word) for word in command], check=True, capture_output=True, text=True).stdout
+
+    def test_none_is_right_of_healthy_valves_and_missed_of_faulty_ones(self):
+        self.called("run", "--quick", "--only", "healthy-0003", "--only", "single-0007", "--only", "outside-0000",
+                    "--engine", ENGINE, "--json", self.folder / "scores.json")
+        words = {case["case"]: case["outcome"] for case in json.loads((self.folder / "scores.json").read_text())["cases"]}
+        self.assertEqual(words, {"healthy-0003": "right", "single-0007": "missed", "outside-0000": "missed"})
+
+    def test_a_program_that_fails_or_writes_no_json_has_failed(self):
+        for engine in ("false {folder}", "echo {folder} is no answer"):
+            self.called("run", "--quick", "--only", "healthy-0000", "--engine", engine,
+                        "--json", self.folder / "scores.json")
+            case, = json.loads((self.folder / "scores.json").read_text())["cases"]
+            self.assertEqual(case["outcome"], "failed")
+
+    def test_the_full_suite_scores_it_and_a_second_call_asks_nothing_again(self):
+        arguments = ["--healthy", "2", "--faulty", "0", "--engine", ENGINE]
+        text = self.called("full", *arguments)
+        self.assertIn("| all | 1.000 [0.158, 1.000] of 2 |", text)
+        answers = (self.folder / "work" / "full" / "answers.jsonl").read_text()
+        self.assertEqual(self.called("full", *arguments), text)
+        self.assertEqual((self.folder / "work" / "full" / "answers.jsonl").read_text(), answers)
+
+    def test_neither_folder_nor_recording_tells_what_is_hidden(self):
+        seen = self.folder / "seen"
+        spy = shlex.join(["sh", "-c", f"echo $0 >> {seen}; grep -h '^#' $0/*.csv >> {seen}; echo nothing"]) + " {folder}"
+        self.called("run", "--quick", "--only", "single-0000", "--engine", spy)
+        text = seen.read_text()
+        self.assertIn("# serial: V", text)
+        for word in ("single", "friction"):
+            self.assertNotIn(word, text)
+
+
+if __name__ == "__main__":
+    unittest.main()
