@@ -3,6 +3,7 @@ import math
 import unittest
 
 import cases
+import playing
 import scoring
 
 
@@ -90,12 +91,27 @@ class Scoring(unittest.TestCase):
         self.assertEqual(len(scoring.worse_than({"pair_right": 0.5}, reached)), 1)
 
 
+class ClosedShare(unittest.TestCase):
+    def test_it_is_of_squared_errors_and_asked_only_where_the_baseline_leaves_more_than_a_good_valve(self):
+        self.assertAlmostEqual(playing.share_closed({"baseline": 2.0, "extended": 1.0}), 0.75)
+        self.assertIsNone(playing.share_closed({"baseline": 0.3, "extended": 0.1}))
+        self.assertIsNone(playing.share_closed(None))
+
+
 class Cases(unittest.TestCase):
     def test_at_least_half_of_any_number_of_cases_are_healthy(self):
         for number in (120, 500, 6000):
             counts = cases.counts_for(number)
             self.assertEqual(sum(counts.values()), number)
             self.assertGreaterEqual(2 * counts["healthy"], number)
+
+    def test_a_larger_full_suite_holds_the_cases_of_a_smaller_one_and_classes_are_mixed(self):
+        effects = {name: cases.Effect(name, "valve", family, 0.01, 0.1) for name, family in
+                   (("friction", "memory"), ("leakage", "flow"), ("creep", "outside"))}
+        small, large = (cases.drawn(2, n, n, effects, {"jitter": 0.001}) for n in (12, 60))
+        self.assertEqual(len(large), 120)
+        self.assertTrue({str(case) for case in small} <= {str(case) for case in large})
+        self.assertEqual({case.kind for case in large[:12]}, {"healthy", "single", "pair", "outside"})
 
     def test_distances_decide_the_class(self):
         self.assertTrue(cases.belongs(case("single", d=9.0, d_name=8.0)))
