@@ -1,16 +1,19 @@
 """RESULTS.md: what a full run has found, from the lines that it left."""
 import dataclasses
 
+import answer_tables
+import comparison_tables
+import detection_tables
 import playing
 import reporting
 import scoring
-import tables
 
 
 @dataclasses.dataclass
 class Found:
     command: str
     seed: int
+    asked: int      # cases that were drawn
     engine: str
     engine_sha: str
     stand_sha: str
@@ -34,24 +37,24 @@ def outcome_of(case, line):
 def markdown(found):
     outcomes = found.outcomes
     main = [
-        ("Healthy", tables.healthy(outcomes)),
-        ("Faulty, by d", tables.by_distance(outcomes, "d")),
-        ("Faulty, by d_name", tables.by_distance(outcomes, "d_name")),
+        ("Healthy", detection_tables.healthy(outcomes)),
+        ("Faulty, by d", detection_tables.by_distance(outcomes, "d")),
+        ("Faulty, by d_name", detection_tables.by_distance(outcomes, "d_name")),
         ("The plane of the two distances", fenced(reporting.plane_table(outcomes))),
-        ("By cause", tables.by_cause(outcomes, found.effects)),
-        ("Confusion of families", tables.family_confusion(outcomes, found.effects)),
-        ("Confusion of causes", tables.cause_confusion(outcomes, found.effects)),
-        ("Calibration", tables.calibrated(outcomes)),
-        ("Sets", tables.sets(outcomes)),
-        ("Parameters", tables.parameters(outcomes)),
-        ("Closed share", tables.closed(outcomes)),
-        ("Transfer to another kind of test", tables.transfer(outcomes)),
-        ("Closing the loop", tables.loops(found.loops)),
-        ("Test and retest", tables.retest(outcomes, found.studies["retest"])),
-        ("References", tables.references(outcomes, found.studies["references"])),
-        ("Peers on the same cases", tables.peers(outcomes, found.studies["peers"])),
-        ("Cost", tables.cost(outcomes)),
-        ("What went wrong", tables.troubles(outcomes)),
+        ("By cause", detection_tables.by_cause(outcomes, found.effects)),
+        ("Confusion of families", detection_tables.family_confusion(outcomes, found.effects)),
+        ("Confusion of causes", detection_tables.cause_confusion(outcomes, found.effects)),
+        ("Calibration", answer_tables.calibrated(outcomes)),
+        ("Sets", answer_tables.sets(outcomes)),
+        ("Parameters", answer_tables.parameters(outcomes)),
+        ("Closed share", answer_tables.closed(outcomes)),
+        ("Transfer to another kind of test", answer_tables.transfer(outcomes)),
+        ("Closing the loop", comparison_tables.loops(found.loops)),
+        ("Test and retest", comparison_tables.retest(outcomes, found.studies["retest"])),
+        ("References", comparison_tables.references(outcomes, found.studies["references"])),
+        ("Peers on the same cases", comparison_tables.peers(outcomes, found.studies["peers"])),
+        ("Cost", answer_tables.cost(outcomes)),
+        ("What went wrong", detection_tables.troubles(outcomes)),
     ]
     parts = [heading(found)] + [f"## {title}\n\n{text}\n" for title, text in main if text]
     return "\n".join(parts)
@@ -59,10 +62,11 @@ def markdown(found):
 
 def heading(found):
     healthy = sum(outcome["kind"] == "healthy" for outcome in found.outcomes)
+    faulty = len(found.outcomes) - healthy
     return (f"# Hidden effects: what was found\n\n```\n{found.command}\n```\n\n"
-            f"Seed {found.seed}; {healthy} healthy and {len(found.outcomes) - healthy} faulty sessions; engine "
-            f"`{found.engine}`, sha256 `{found.engine_sha[:16]}`; stand `{found.stand_sha[:16]}`. Shares carry exact 95 % "
-            f"bounds (Clopper and Pearson); `-` was not asked of any case.\n")
+            f"Seed {found.seed}; {len(found.outcomes)} of {found.asked} sessions are answered, {healthy} healthy and {faulty} "
+            f"faulty; engine `{found.engine}`, sha256 `{found.engine_sha[:16]}`; stand `{found.stand_sha[:16]}`. Shares carry "
+            "exact 95 % bounds (Clopper and Pearson); `-` was not asked of any case.\n")
 
 
 def fenced(lines):

@@ -4,9 +4,11 @@ import pathlib
 import tempfile
 import unittest
 
+import answer_tables
 import binomial
 import calibration
-import tables
+import comparison_tables
+import detection_tables
 from kept import Kept
 
 
@@ -89,8 +91,8 @@ class Tables(unittest.TestCase):
         held = [outcome(said=[("friction", 0.99, [])]), outcome(said=[("backlash", 0.6, ["friction"])], conclusion="ambiguous"),
                 outcome("healthy", [], conclusion="none"), outcome("outside", ["creep"], conclusion="unexplained"),
                 outcome("pair", ["friction", "leakage"], said=[("leakage", 0.99, [])])]
-        self.assertIn("| friction | 1 | 1 |", tables.cause_confusion(held, EFFECTS))
-        text = tables.family_confusion(held, EFFECTS)
+        self.assertIn("| friction | 1 | 1 |", detection_tables.cause_confusion(held, EFFECTS))
+        text = detection_tables.family_confusion(held, EFFECTS)
         self.assertIn("| hidden \\ said | memory | unexplained | none |", text)
         self.assertIn("| memory | 2 |  |  |", text)
         self.assertIn("| healthy |  |  | 1 |", text)
@@ -100,16 +102,16 @@ class Tables(unittest.TestCase):
         held = [outcome(truth=truth, parameters=[["friction", "breakaway_A", 0.01, 0.011, True]]),
                 outcome(truth=truth, outcome="right_set", parameters=[["friction", "breakaway_A", 0.01, 0.013, False]]),
                 outcome(truth=truth, outcome="missed")]
-        self.assertIn("| friction breakaway_A | 3 | 2 | +0.200 | 0.500 [0.013, 0.987] of 2 |", tables.parameters(held))
+        self.assertIn("| friction breakaway_A | 3 | 2 | +0.200 | 0.500 [0.013, 0.987] of 2 |", answer_tables.parameters(held))
 
     def test_a_conclusion_is_the_same_with_the_same_first_cause(self):
         one, other = outcome(said=[("friction", 0.99, [])]), outcome(said=[("backlash", 0.99, [])])
-        self.assertTrue(tables.same_conclusion(one, one))
-        self.assertFalse(tables.same_conclusion(one, other))
-        self.assertFalse(tables.same_conclusion(one, outcome(said=[("friction", 0.5, [])], conclusion="ambiguous")))
+        self.assertTrue(comparison_tables.same_conclusion(one, one))
+        self.assertFalse(comparison_tables.same_conclusion(one, other))
+        self.assertFalse(comparison_tables.same_conclusion(one, outcome(said=[("friction", 0.5, [])], conclusion="ambiguous")))
 
     def test_cases_fall_into_bins_of_distance(self):
-        text = tables.by_distance([outcome(d=3.0), outcome(d=20.0), outcome(d=20.0, outcome="missed", conclusion="none")], "d")
+        text = detection_tables.by_distance([outcome(d=3.0), outcome(d=20.0), outcome(d=20.0, outcome="missed", conclusion="none")], "d")
         self.assertIn("| one cause | 2 to 4 | 1.000 [0.025, 1.000] of 1 |", text)
         self.assertIn("| one cause | 16 to 32 | 0.500 [0.013, 0.987] of 2 |", text)
 

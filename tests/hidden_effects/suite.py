@@ -1,0 +1,71 @@
+"""The cases of a full run, and the lines that are kept about them."""
+import concurrent.futures
+import sys
+
+import cases as drawing
+import engines
+import playing
+import results
+import studies
+from kept import Kept
+
+
+class Suite:
+    """The cases, and the lines there are about them."""
+
+    def __init__(self, options):
+        self.options = options
+        self.answers = Kept(options.work / "full" / "answers.jsonl")
+        self.distances = Kept(options.work / "full" / "distances.jsonl")
+        self.loops = Kept(options.work / "full" / "loops.jsonl")
+        self.program = options.build / "valvetriage_distances"
+        self.program_sha = engines.hash_of(self.program.read_bytes())
+        self.effects, decoys = drawing.repertoire(options.build / "valvetriage_stand")
+        self.cases = drawing.drawn(options.seed, options.healthy, options.faulty, self.effects, decoys)
+        faulty = [case.case for case in self.cases if case.effects]
+        self.with_name = set(faulty[:options.names])
+
+    def bench(self, engine=None, **reference):
+        return playing.Bench(self.options.build / "valvetriage", self.options.build / "valvetriage_stand",
+                             self.options.work, engine=engine, **reference)
+
+    def distance_key(self, case):
+        return studies.distance_key(self.program_sha, case, case.case in self.with_name)
+
+    def measured(self, case):
+        key = self.distance_key(case)
+        return studies.with_distances(case, self.distances[key] if key in self.distances else None)
+
+    def outcomes(self, bench, cases):
+        """Of the cases that have been answered."""
+        answered = [case for case in cases if bench.key(case) in self.answers]
+        return [results.outcome_of(self.measured(case), self.answers[bench.key(case)]) for case in answered]
+
+    def loop_outcomes(self, bench, cases):
+        lines = [(case, bench.key(case)) for case in cases]
+        return [(self.measured(case), self.answers[key], self.loops[key]) for case, key in lines if key in self.loops]
+
+    def measure(self, pool):
+        wanted = [case for case in self.cases if case.effects and case.plant == "valve"]
+        self.fill(pool, self.distances, "distances", [
+            (self.distance_key(case), (studies.distances_line, self.distance_key(case), self.program, case,
+                                       case.case in self.with_name)) for case in wanted])
+
+    def ask(self, pool, bench, cases, what):
+        bench.learn_reference()
+        self.fill(pool, self.answers, what, [
+            (bench.key(case), (studies.answer_line, bench.key(case), bench, self.measured(case))) for case in cases])
+
+    def close_loops(self, pool, bench, cases):
+        ambiguous = [case for case in cases if case.plant == "valve"
+                     and (self.answers[bench.key(case)]["answer"] or {}).get("next_test")]
+        self.fill(pool, self.loops, "closed loops", [
+            (bench.key(case), (studies.loop_line, bench.key(case), bench, case)) for case in ambiguous])
+
+    def fill(self, pool, kept, what, tasks):
+        missing = [call for key, call in tasks if key not in kept]
+        for number, future in enumerate(concurrent.futures.as_completed([pool.submit(*call) for call in missing])):
+            kept.add(future.result())
+            print(f"\r{what}: {number + 1} of {len(missing)}", end="", file=sys.stderr, flush=True)
+        if missing:
+            print(file=sys.stderr)
