@@ -28,8 +28,9 @@ class AnotherEngine(unittest.TestCase):
         words = {case["case"]: case["outcome"] for case in json.loads((self.folder / "scores.json").read_text())["cases"]}
         self.assertEqual(words, {"healthy-0003": "right", "single-0007": "missed", "outside-0000": "missed"})
 
-    def test_a_program_that_fails_or_writes_no_json_has_failed(self):
-        for engine in ("false {folder}", "echo {folder} is no answer"):
+    def test_a_program_that_fails_or_does_not_keep_the_contract_has_failed(self):
+        no_conclusion = shlex.join(["printf", "%s", '{"discrepancy": {"causes": []}}'])
+        for engine in ("false {folder}", "echo {folder} is no answer", no_conclusion):
             self.called("run", "--quick", "--only", "healthy-0000", "--engine", engine,
                         "--json", self.folder / "scores.json")
             case, = json.loads((self.folder / "scores.json").read_text())["cases"]

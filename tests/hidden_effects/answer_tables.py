@@ -81,7 +81,7 @@ def closed(outcomes):
     middle = f"; median closed share {statistics.median(o['closed_share'] for o in held):.3f}" if held else ""
     return (f"One cause with d ≥ 30, a recording held out, both models fitted to the others: {asked} cases, in {len(held)} "
             f"of them the baseline leaves more than the stand's noise there{middle}. Errors in psi against the noise-free "
-            "output.\n\n" + table(["case", "cause", "d", "held out", "baseline", "extended", "closed share"], rows))
+            "output.\n\n" + table(["case", "cause", "d", "held out", "baseline", "extended", "closed share"], rows)).strip()
 
 
 def transfer(outcomes):

@@ -17,23 +17,38 @@ import collections
 import math
 import statistics
 
+from engines import Failed
+
 CONFIDENT = 0.95
 
 
+CONCLUSIONS = ("none", "named", "ambiguous", "unexplained")
+
+
 def trimmed(analysis):
-    """What is scored of an answer; what another program leaves out is empty."""
-    found = analysis.get("discrepancy")
-    if not found:
-        return None
+    """What is scored of an answer; what another program leaves out is empty. Raises Failed where it is not of the
+    contract's form."""
+    try:
+        found = analysis.get("discrepancy")
+        return scored_part(found) if found else None
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise Failed(f"the answer is not of the contract's form: {error!r}") from None
+
+
+def scored_part(found):
+    if found["conclusion"] not in CONCLUSIONS:
+        raise ValueError(f"conclusion '{found['conclusion']}'")
     next_test = found.get("next_test")
     return {
         "conclusion": found["conclusion"],
-        "causes": [{"cause": cause["cause"], "probability": cause["probability"],
-                    "alternatives": cause.get("alternatives", []), "parameters": cause.get("parameters", {})}
+        "causes": [{"cause": cause["cause"], "probability": float(cause["probability"]),
+                    "alternatives": list(cause.get("alternatives", [])),
+                    "parameters": {name: {"value": one["value"], "ci95": list(one["ci95"])}
+                                   for name, one in cause.get("parameters", {}).items()}}
                    for cause in found.get("causes", [])],
-        "candidates": [{"cause": candidate["cause"], "probability": candidate["probability"]}
+        "candidates": [{"cause": candidate["cause"], "probability": float(candidate["probability"])}
                        for candidate in found.get("candidates", []) if candidate["probability"] > 1e-4],
-        "transfer": (found.get("gain") or {}).get("transfer", []),
+        "transfer": (found.get("gain") or found).get("transfer", []),  # a kept answer has it beside the causes
         "next_test": next_test and {name: next_test[name] for name in ("test", "expected_probability", "separates")},
     }
 

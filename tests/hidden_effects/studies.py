@@ -59,6 +59,8 @@ def loop_line(key, bench, case):
         with bench.played(case) as (recordings, _):
             before, _ = bench.engine.analyse(case, recordings, bench.reference)
             line["asked"] = before["discrepancy"]["next_test"]
+            if "input_csv" not in line["asked"]:
+                raise Failed("the next test has no input_csv")
             wanted = recordings.with_name(recordings.name + ".next_test.csv")
             played = recordings.with_name(recordings.name + ".played")
             try:
