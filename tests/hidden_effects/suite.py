@@ -22,19 +22,21 @@ class Suite:
         self.program_sha = engines.hash_of(self.program.read_bytes())
         self.effects, decoys = drawing.repertoire(options.build / "valvetriage_stand")
         self.cases = drawing.drawn(options.seed, options.healthy, options.faulty, self.effects, decoys)
-        faulty = [case.case for case in self.cases if case.effects]
-        self.with_name = set(faulty[:options.names])
 
     def bench(self, engine=None, **reference):
         return playing.Bench(self.options.build / "valvetriage", self.options.build / "valvetriage_stand",
                              self.options.work, engine=engine, **reference)
 
-    def distance_key(self, case):
-        return studies.distance_key(self.program_sha, case, case.case in self.with_name)
+    def distance_key(self, case, name_too):
+        return studies.distance_key(self.program_sha, case, name_too)
+
+    def known_distances(self, case):
+        """The line of a case's distances, with d_name if that has been measured; None where nothing has."""
+        keys = [self.distance_key(case, name_too) for name_too in (True, False)]
+        return next((self.distances[key] for key in keys if key in self.distances), None)
 
     def measured(self, case):
-        key = self.distance_key(case)
-        return studies.with_distances(case, self.distances[key] if key in self.distances else None)
+        return studies.with_distances(case, self.known_distances(case))
 
     def outcomes(self, bench, cases):
         """Of the cases that have been answered."""
@@ -46,10 +48,14 @@ class Suite:
         return [(self.measured(case), self.answers[key], self.loops[key]) for case, key in lines if key in self.loops]
 
     def measure(self, pool):
-        wanted = [case for case in self.cases if case.effects and case.plant == "valve"]
-        self.fill(pool, self.distances, "distances", [
-            (self.distance_key(case), (studies.distances_line, self.distance_key(case), self.program, case,
-                                       case.case in self.with_name)) for case in wanted])
+        tasks = []
+        for case in self.cases:
+            name_too = case.number < self.options.names
+            known = self.known_distances(case)
+            if case.effects and case.plant == "valve" and (not known or (name_too and "d_name" not in known)):
+                key = self.distance_key(case, name_too)
+                tasks.append((key, (studies.distances_line, key, self.program, case, name_too)))
+        self.fill(pool, self.distances, "distances", tasks)
 
     def ask(self, pool, bench, cases, what):
         bench.learn_reference()
