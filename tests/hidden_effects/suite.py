@@ -43,8 +43,15 @@ class Suite:
         answered = [case for case in cases if bench.key(case) in self.answers]
         return [results.outcome_of(self.measured(case), self.answers[bench.key(case)]) for case in answered]
 
+    def ambiguous(self, bench, cases):
+        """Those whose answer is ambiguous and asks for a test."""
+        answers = [(case, self.answers[bench.key(case)]["answer"]) for case in cases
+                   if case.plant == "valve" and bench.key(case) in self.answers]
+        return [case for case, answer in answers
+                if answer and answer["conclusion"] == "ambiguous" and answer["next_test"]]
+
     def loop_outcomes(self, bench, cases):
-        lines = [(case, bench.key(case)) for case in cases]
+        lines = [(case, bench.key(case)) for case in self.ambiguous(bench, cases)]
         return [(self.measured(case), self.answers[key], self.loops[key]) for case, key in lines if key in self.loops]
 
     def measure(self, pool):
@@ -63,10 +70,9 @@ class Suite:
             (bench.key(case), (studies.answer_line, bench.key(case), bench, self.measured(case))) for case in cases])
 
     def close_loops(self, pool, bench, cases):
-        ambiguous = [case for case in cases if case.plant == "valve"
-                     and (self.answers[bench.key(case)]["answer"] or {}).get("next_test")]
         self.fill(pool, self.loops, "closed loops", [
-            (bench.key(case), (studies.loop_line, bench.key(case), bench, case)) for case in ambiguous])
+            (bench.key(case), (studies.loop_line, bench.key(case), bench, case))
+            for case in self.ambiguous(bench, cases)])
 
     def fill(self, pool, kept, what, tasks):
         missing = [call for key, call in tasks if key not in kept]
