@@ -65,7 +65,7 @@ def heading(found):
     faulty = len(found.outcomes) - healthy
     return (f"# Hidden effects: what was found\n\n```\n{found.command}\n```\n\n"
             f"Seed {found.seed}; {len(found.outcomes)} of {found.asked} sessions are answered, {healthy} healthy and {faulty} "
-            f"faulty; engine `{found.engine}`, sha256 `{found.engine_sha[:16]}`; stand `{found.stand_sha[:16]}`. Shares carry "
+            f"faulty, d_name is known of {sum(o['d_name'] is not None for o in found.outcomes)}; engine `{found.engine}`, sha256 `{found.engine_sha[:16]}`; stand `{found.stand_sha[:16]}`. Shares carry "
             "exact 95 % bounds (Clopper and Pearson); `-` was not asked of any case.\n")
 
 
