@@ -2,8 +2,8 @@
 
 A case's class says what is asked of the analysis (README):
   healthy   nothing is hidden, with or without a decoy
-  single    one cause, told from its best rival by d_name >= 8
-  pair      two causes of different families, each told from its best rival by d_name >= 8
+  single    one cause, told from its best rival by d_name >= 8; where a stand knows no d_name, d >= 16
+  pair      two causes of different families, each told from its best rival like that
   close     one cause that shows (d >= 6) but has a rival within d_name < 4
   outside   an effect that no cause explains
   step_up   one cause, and one rising step is all there is to see it in
@@ -25,7 +25,25 @@ NOT_ON_STEP_UP = {"asymmetric_response", "intermittent", "side_input", "sensor_d
 NAMED_D = 8.0
 CLOSE_D_NAME = 4.0
 SHOWS_D = 6.0
+PLAIN_D = 16.0  # of each cause, on a stand where d_name is not known
 MOST_ATTEMPTS = 40
+
+
+@dataclasses.dataclass
+class Stand:
+    """A generator of recordings: its programs in the build folder, the table of its quick suite and that table's mix."""
+    program: str
+    distances: list
+    table: str
+    counts: dict
+
+
+STANDS = {
+    "first": Stand("valvetriage_stand", ["valvetriage_distances"], "cases.csv",
+                   {"healthy": 60, "single": 23, "pair": 9, "close": 8, "outside": 8, "step_up": 12}),
+    "second": Stand("valvetriage_second_stand", ["valvetriage_second_stand", "distance"], "second_cases.csv",
+                    {"healthy": 34, "single": 22, "pair": 6, "outside": 6}),
+}
 
 
 class Draws:
@@ -113,13 +131,9 @@ def repertoire(stand):
     return effects, decoys
 
 
-def quick_counts():
-    return {"healthy": 60, "single": 23, "pair": 9, "close": 8, "outside": 8, "step_up": 12}
-
-
-def counts_for(number):
-    """The quick suite's mix, scaled; at least half are healthy."""
-    quick = quick_counts()
+def counts_for(number, stand):
+    """The mix of the stand's quick suite, scaled; at least half are healthy."""
+    quick = stand.counts
     whole = sum(quick.values())
     counts = {kind: max(1, n * number // whole) for kind, n in quick.items() if kind != "healthy"}
     return {"healthy": number - sum(counts.values()), **counts}
@@ -187,7 +201,7 @@ def chosen(kind, number, draws, effects):
 def belongs(case):
     """Whether the distances of a case are those of its class."""
     if case.kind in ("single", "pair"):
-        return case.d_name >= NAMED_D
+        return case.d >= PLAIN_D if math.isnan(case.d_name) else case.d_name >= NAMED_D
     if case.kind == "close":
         return case.d >= SHOWS_D and case.d_name < CLOSE_D_NAME
     if case.kind in ("step_up", "outside"):

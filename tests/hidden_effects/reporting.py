@@ -11,7 +11,9 @@ def case_line(outcome):
         said.append(f"{cause} {probability:.2f}" + (f" or {','.join(rivals)}" if rivals else ""))
     text = f"{outcome['case']:<14} {outcome['outcome']:<11} {hidden or outcome['decoy'] or 'plain':<34}"
     if outcome["d"] is not None:
-        text += f" d {outcome['d']:<5.3g} d_name {outcome['d_name']:<5.3g} ({outcome['rival']})"
+        text += f" d {outcome['d']:<5.3g}"
+    if outcome["d_name"] is not None:
+        text += f" d_name {outcome['d_name']:<5.3g} ({outcome['rival']})"
     if outcome["conclusion"]:
         text += f"  -> {outcome['conclusion']}" + (f": {'; '.join(said)}" if said else "")
     if outcome["outcome"] not in ("right", "no_answer", "failed") and outcome["top_candidates"]:

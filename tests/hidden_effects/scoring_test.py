@@ -100,10 +100,11 @@ class ClosedShare(unittest.TestCase):
 
 class Cases(unittest.TestCase):
     def test_at_least_half_of_any_number_of_cases_are_healthy(self):
-        for number in (120, 500, 6000):
-            counts = cases.counts_for(number)
-            self.assertEqual(sum(counts.values()), number)
-            self.assertGreaterEqual(2 * counts["healthy"], number)
+        for stand in cases.STANDS.values():
+            for number in (68, 120, 500, 6000):
+                counts = cases.counts_for(number, stand)
+                self.assertEqual(sum(counts.values()), number)
+                self.assertGreaterEqual(2 * counts["healthy"], number)
 
     def test_a_larger_full_suite_holds_the_cases_of_a_smaller_one_and_classes_are_mixed(self):
         effects = {name: cases.Effect(name, "valve", family, 0.01, 0.1) for name, family in
@@ -116,6 +117,8 @@ class Cases(unittest.TestCase):
     def test_distances_decide_the_class(self):
         self.assertTrue(cases.belongs(case("single", d=9.0, d_name=8.0)))
         self.assertFalse(cases.belongs(case("single", d=9.0, d_name=7.9)))
+        self.assertTrue(cases.belongs(case("single", d=16.0, d_name=math.nan)))
+        self.assertFalse(cases.belongs(case("single", d=15.9, d_name=math.nan)))
         self.assertFalse(cases.belongs(case("close", d=5.0, d_name=1.0)))
         self.assertFalse(cases.belongs(case("close", d=math.nan, d_name=math.nan)))
 
