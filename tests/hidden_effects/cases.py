@@ -2,7 +2,7 @@
 
 A case's class says what is asked of the analysis (README):
   healthy   nothing is hidden, with or without a decoy
-  single    one cause, told from its best rival by d_name >= 8; where a stand knows no d_name, d >= 16
+  single    one cause, told from its best rival by d_name >= 8; where a stand knows no d_name, d >= 15
   pair      two causes of different families, each told from its best rival like that
   close     one cause that shows (d >= 6) but has a rival within d_name < 4
   outside   an effect that no cause explains
@@ -25,7 +25,7 @@ NOT_ON_STEP_UP = {"asymmetric_response", "intermittent", "side_input", "sensor_d
 NAMED_D = 8.0
 CLOSE_D_NAME = 4.0
 SHOWS_D = 6.0
-PLAIN_D = 16.0  # of each cause, on a stand where d_name is not known
+PLAIN_D = 15.0  # of each cause, on a stand where d_name is not known
 MOST_ATTEMPTS = 40
 
 

@@ -117,8 +117,8 @@ class Cases(unittest.TestCase):
     def test_distances_decide_the_class(self):
         self.assertTrue(cases.belongs(case("single", d=9.0, d_name=8.0)))
         self.assertFalse(cases.belongs(case("single", d=9.0, d_name=7.9)))
-        self.assertTrue(cases.belongs(case("single", d=16.0, d_name=math.nan)))
-        self.assertFalse(cases.belongs(case("single", d=15.9, d_name=math.nan)))
+        self.assertTrue(cases.belongs(case("single", d=15.0, d_name=math.nan)))
+        self.assertFalse(cases.belongs(case("single", d=14.9, d_name=math.nan)))
         self.assertFalse(cases.belongs(case("close", d=5.0, d_name=1.0)))
         self.assertFalse(cases.belongs(case("close", d=math.nan, d_name=math.nan)))
 
