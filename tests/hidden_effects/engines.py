@@ -69,8 +69,10 @@ class Product:
         text, seconds = run(self.valvetriage, "analyze", *sorted(folder.glob("*.csv")), *options, "--json")
         return answer_of(text), seconds
 
-    def simulate(self, model, recording, output):
-        run(self.valvetriage, "simulate", "--model", model, "--input", recording, *SIDE_CHANNELS, "-o", output)
+    def simulate(self, model, recording, output, initial_samples):
+        """The start is found in so many first samples of the recording's own output."""
+        run(self.valvetriage, "simulate", "--model", model, "--input", recording, *SIDE_CHANNELS,
+            "--initial-samples", initial_samples, "-o", output)
 
 
 @dataclasses.dataclass

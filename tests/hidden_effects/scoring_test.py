@@ -94,7 +94,7 @@ class Scoring(unittest.TestCase):
 class ClosedShare(unittest.TestCase):
     def test_it_is_of_squared_errors_and_asked_only_where_the_baseline_leaves_more_than_a_good_valve(self):
         self.assertAlmostEqual(playing.share_closed({"baseline": 2.0, "extended": 1.0}), 0.75)
-        self.assertIsNone(playing.share_closed({"baseline": 0.3, "extended": 0.1}))
+        self.assertIsNone(playing.share_closed({"baseline": 0.0, "extended": 0.0}))
         self.assertIsNone(playing.share_closed(None))
 
 
