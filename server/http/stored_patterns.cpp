@@ -76,7 +76,8 @@ struct Compared {
   std::vector<ValveResiduals> residuals;
 };
 
-Result<Compared> compared_valves(Service& service, const LotHistory& history, std::string_view conclusion, std::size_t most) {
+Result<Compared> compared_valves(Service& service, const LotHistory& history, std::string_view conclusion,
+                                 std::size_t most) {
   Compared found;
   for (auto valve = history.valves.rbegin(); valve != history.valves.rend() && found.valves.size() < most; ++valve) {
     if (valve->summary.conclusion != conclusion) continue;
