@@ -34,6 +34,9 @@ void orifice(double p, double n, double zero, double& flow, double& slope) {
   }
 }
 
+// A supply of any pressure gets a table of a quarter megabyte at most; beyond 8192 psi the law is evaluated as it is.
+constexpr double kMostIntervals = 8192;
+
 /// A smooth function of one variable on evenly spaced points, cubic between them: a power costs ten times as much.
 class Table {
  public:
@@ -41,7 +44,7 @@ class Table {
   template <typename At>
   Table(double first, double last, double step, At at) : first_(first), per_step_(1 / step) {
     if (!(last > first)) return;
-    const auto intervals = static_cast<std::size_t>(std::ceil((last - first) * per_step_));
+    const auto intervals = static_cast<std::size_t>(std::min(std::ceil((last - first) * per_step_), kMostIntervals));
     points_.reserve(intervals + 1);
     for (std::size_t i = 0; i <= intervals; ++i) {
       Point point;

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 namespace valvetriage {
@@ -38,6 +39,16 @@ TEST(OrificeVolume, IsAPlainLagWhereFlowIsLaminarAndTheSupplyFarAbove) {
                      std::vector<double>(60, 150.0));
   for (std::size_t i = 0; i < p.size(); ++i) {
     EXPECT_NEAR(p[i], 150 * (1 - std::exp(-static_cast<double>(i) * kPeriod_s / 0.06)), 1e-5);
+  }
+}
+
+TEST(OrificeVolume, TakesASupplyOfAnyPressureInBoundedMemory) {
+  // As many samples as make tables worth it, on both sides of where they end.
+  for (const double supply_psi : {8000.0, 8500.0, 1e300}) {
+    std::vector<double> steady(600, 8300.0);
+    const auto p =
+        run({.time_constant_s = 0.06, .exponent = 0.5, .supply_psi = supply_psi, .reference_psi = 4000}, 0, steady);
+    EXPECT_TRUE(std::all_of(p.begin(), p.end(), [](double value) { return std::isfinite(value); })) << supply_psi;
   }
 }
 
