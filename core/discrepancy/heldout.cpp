@@ -309,8 +309,10 @@ std::array<double, 2> bootstrap_interval(const std::vector<FoldScore>& scores) {
 }  // namespace
 
 DiscrepancyGain measure_gain(const Explanation& baseline, const Explanation& extended) {
-  const bool in_one = std::any_of(extended.laws.begin(), extended.laws.end(),
-                                  [](const LawFit& law) { return law.law.recording || law.law.own() > 0; });
+  // What has an instant or a phase of its own in every recording cannot be foretold for one that was left out.
+  const bool in_one = std::any_of(extended.laws.begin(), extended.laws.end(), [](const LawFit& law) {
+    return law.law.recording || law.law.own() > 0 || law.law.law->family == "disturbance";
+  });
   const Refit before(baseline), after(extended);
   const bool whole = !in_one && before.rows().size() >= kFewestRecordings;
   const std::vector<Fold> folds = folds_of(before.rows(), whole);

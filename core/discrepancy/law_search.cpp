@@ -14,6 +14,7 @@ using Eigen::VectorXd;
 
 /// A signature below this is no effect that the recordings could show: a hundredth of one sample's noise.
 constexpr double kLeastEffect = 1e-4;
+constexpr std::size_t kManyParameters = 6, kFinalists = 6;
 /// A valve this far from good ones, in noise variances, is worth a law in the place of its own parameters.
 constexpr double kLeastInPlace = 8;
 
@@ -134,10 +135,10 @@ std::vector<double> scaled(const Point& point, const LinearisedValve& fit, const
   return parameters;
 }
 
-std::optional<Point> best_start(Search& search, const LinearisedValve& fit,
-                                const std::vector<std::vector<double>>& starts) {
-  std::optional<Point> best;
-  double best_gain = -1;
+/// The starts that promise most, best first.
+std::vector<Point> best_starts(Search& search, const LinearisedValve& fit,
+                               const std::vector<std::vector<double>>& starts, std::size_t most) {
+  std::vector<Point> best;
   for (const std::vector<double>& start : starts) {
     Point point;
     point.parameters = search.clamped(start);
@@ -145,13 +146,12 @@ std::optional<Point> best_start(Search& search, const LinearisedValve& fit,
     const double size = fit.product(point.effect, point.effect);
     if (!(size > kLeastEffect)) continue;
     const double against = fit.against_error(point.effect);
-    const double gain = against > 0 ? against * against / size : 0;
+    point.promise = against > 0 ? against * against / size : 0;
     point.cost = fit.cost_without(point.effect);
-    if (gain > best_gain) {
-      best_gain = gain;
-      point.promise = gain;
-      best = std::move(point);
-    }
+    const auto behind =
+        std::find_if(best.begin(), best.end(), [&](const Point& p) { return p.promise < point.promise; });
+    best.insert(behind, std::move(point));
+    if (best.size() > most) best.pop_back();
   }
   return best;
 }
@@ -267,31 +267,43 @@ LawFit nothing_found(const LinearisedValve& fit, const LawInFit& law, const Sear
 
 namespace {
 
-std::optional<LawFit> search_from_starts(Search& search, const LinearisedValve& fit, const LawInFit& law,
-                                         const std::vector<std::vector<double>>& starts, int most_steps,
-                                         double worthwhile) {
-  std::optional<Point> point = best_start(search, fit, starts);
-  if (!point) return std::nullopt;
-  if (point->promise < worthwhile) return nothing_found(fit, law, search, *point);
+/// Down from one start.
+Point descended(Search& search, const LinearisedValve& fit, const Mechanism& law, Point point, int most_steps) {
   Point proportional;
-  proportional.parameters = search.clamped(scaled(*point, fit, *law.law));
+  proportional.parameters = search.clamped(scaled(point, fit, law));
   // An effect that is much too large has to shrink before differences tell anything.
-  for (int halving = 0; halving < 4 && proportional.parameters != point->parameters; ++halving) {
+  for (int halving = 0; halving < 4 && proportional.parameters != point.parameters; ++halving) {
     proportional.effect = search.effect(proportional.parameters);
     proportional.cost = fit.cost_without(proportional.effect);
-    if (proportional.cost < point->cost) {
+    if (proportional.cost < point.cost) {
       point = std::move(proportional);
       break;
     }
-    if (point->cost < 0 || law.law->size_parameter >= proportional.parameters.size()) break;
-    double& size = proportional.parameters[law.law->size_parameter];
-    size = law.law->neutral + 0.5 * (size - law.law->neutral);
+    if (point.cost < 0 || law.size_parameter >= proportional.parameters.size()) break;
+    double& size = proportional.parameters[law.size_parameter];
+    size = law.neutral + 0.5 * (size - law.neutral);
   }
   double damping = 1e-3;
   constexpr double kSmallestGain = 0.05;  // of a cost in noise variances: far below what any decision turns on
   for (int step = 0; step < most_steps; ++step) {
-    const double before = point->cost;
-    if (!descend(search, fit, *point, damping) || before - point->cost < kSmallestGain) break;
+    const double before = point.cost;
+    if (!descend(search, fit, point, damping) || before - point.cost < kSmallestGain) break;
+  }
+  return point;
+}
+
+std::optional<LawFit> search_from_starts(Search& search, const LinearisedValve& fit, const LawInFit& law,
+                                         const std::vector<std::vector<double>>& starts, int most_steps,
+                                         double worthwhile) {
+  // A law of many parameters, hunting, has valleys beside the right one that begin better.
+  const std::size_t finalists = law.shared() >= kManyParameters ? kFinalists : 1;
+  std::vector<Point> best = best_starts(search, fit, starts, finalists);
+  if (best.empty()) return std::nullopt;
+  if (best.front().promise < worthwhile) return nothing_found(fit, law, search, best.front());
+  std::optional<Point> point;
+  for (Point& start : best) {
+    Point reached = descended(search, fit, *law.law, std::move(start), most_steps);
+    if (!point || reached.cost < point->cost) point = std::move(reached);
   }
   if (!(point->cost < 0)) return nothing_found(fit, law, search, *point);
   LawFit found{.law = law,

@@ -94,15 +94,22 @@ void add_tones(const LinearisedValve& fit, const LawInFit& law, std::vector<LawV
   if (!variant.starts.empty()) variants.push_back(std::move(variant));
 }
 
-/// The phase that a cycle has where its level is entered is nobody's guess: four of them.
+/// The phase that a cycle has where its level is entered, how near to a rest its own level lies and how far it reaches
+/// are nobody's guess: a few of each, with the frequency and the amplitude that were seen at the rest.
 void add_hunting(const LinearisedValve& fit, const MechanismScales& scales, const LawInFit& law,
                  std::vector<LawVariant>& variants) {
-  constexpr double kWidth = 0.3, kGrowth_per_s = 10;
+  constexpr double kGrowth_per_s = 10;
   LawVariant variant{.law = law};
   for (const HuntingTone& tone : hunting_tones(fit, scales.output_range, kHuntingTones)) {
-    for (const double phase : {0.0, 0.5, 1.0, -0.5}) {
-      variant.starts.push_back({tone.frequency_hz, tone.amplitude, tone.level, kWidth * scales.output_range, tone.slope,
-                                kGrowth_per_s, phase * std::numbers::pi});
+    for (const double beside : {-0.06, 0.0, 0.06}) {
+      for (const double width : {0.2, 0.35}) {
+        const double at_rest = std::sqrt(1 - beside * beside / (width * width));
+        for (const double phase : {0.0, 0.5, 1.0, -0.5}) {
+          variant.starts.push_back({tone.frequency_hz * (1 + tone.slope * beside), tone.amplitude / at_rest,
+                                    tone.level + beside * scales.output_range, width * scales.output_range, tone.slope,
+                                    kGrowth_per_s, phase * std::numbers::pi});
+        }
+      }
     }
   }
   if (!variant.starts.empty()) variants.push_back(std::move(variant));
