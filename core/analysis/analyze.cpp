@@ -156,7 +156,8 @@ Result<FreeRuns> run_reference(std::span<const Recording> recordings, Analysis& 
   options.usual = usual_mechanisms(reference.model);
   auto fit = fit_valve(kept, options);
   if (!fit) return tl::unexpected(fit.error());
-  analysis.baseline.model = to_model(fit->parameters, KnotCurve(options.knots).through(fit->map.output), options.usual);
+  analysis.baseline.model =
+      to_model(fit->parameters, KnotCurve(options.knots).rising_through(fit->map.output), options.usual);
 
   FreeRuns runs;
   // A reference learned without the engine's survey of its valves has no scale to name a cause by.

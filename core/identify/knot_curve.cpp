@@ -80,4 +80,10 @@ StaticMap KnotCurve::through(const std::vector<double>& outputs) const {
   return map;
 }
 
+StaticMap KnotCurve::rising_through(const std::vector<double>& outputs) const {
+  StaticMap map = through(outputs);
+  map.output = monotone_regression(map.output, std::vector<double>(map.output.size(), 1.0));
+  return map;
+}
+
 }  // namespace valvetriage

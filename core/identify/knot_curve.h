@@ -28,8 +28,10 @@ class KnotCurve {
   };
   Share share_at(double input) const;
 
-  /// The curve through outputs, one per knot.
+  /// The curve through outputs, one per knot. It may overshoot a little beside a flat piece.
   StaticMap through(const std::vector<double>& outputs) const;
+  /// The same made to fall nowhere, for a model that is handed out: the nearest such map in least squares.
+  StaticMap rising_through(const std::vector<double>& outputs) const;
 
  private:
   std::vector<double> fine_input_;

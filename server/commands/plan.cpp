@@ -35,7 +35,7 @@ Result<StaticMap> steady_map(const std::string& reference_file) {
   auto reference = open_reference(reference_file);
   if (!reference) return tl::unexpected(reference.error());
   if (!reference->model.map) return fail("not_a_reference", "the reference's model has no steady map");
-  return KnotCurve(reference->model.map->input).through(reference->model.map->output);
+  return KnotCurve(reference->model.map->input).rising_through(reference->model.map->output);
 }
 
 ExitStatus run(const PlanArguments& arguments) {

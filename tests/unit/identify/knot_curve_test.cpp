@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 namespace valvetriage {
@@ -49,6 +50,16 @@ TEST(KnotCurve, IsTenTimesNearerToAValvesMapThanStraightPieces) {
   }
   EXPECT_GT(of_straight, 0.3);
   EXPECT_LT(of_smooth, 0.1 * of_straight);
+}
+
+TEST(KnotCurve, FallsNowhereInAModelThatIsHandedOut) {
+  const std::vector<double> inputs = knots(8), outputs{1, 1, 1, 40, 80, 80, 80, 80};
+  const KnotCurve curve(inputs);
+  const StaticMap map = curve.rising_through(outputs);
+  const std::vector<double> bare = curve.through(outputs).output;
+  EXPECT_FALSE(std::is_sorted(bare.begin(), bare.end()));
+  EXPECT_TRUE(std::is_sorted(map.output.begin(), map.output.end()));
+  for (std::size_t i = 0; i < bare.size(); ++i) EXPECT_NEAR(map.output[i], bare[i], 4);
 }
 
 TEST(KnotCurve, IsAStraightLineThroughTwoKnots) {
