@@ -1,16 +1,14 @@
 #pragma once
 
-#include <map>
 #include <string>
 #include <vector>
 
 #include "core/classify/rivals/possibilistic_c_means.h"
-#include "core/residual/residual_signature.h"
+#include "server/report/valve_residuals.h"
 
 namespace valvetriage::http {
 
-/// One valve's binned residuals by the test they are of.
-using ValveResiduals = std::map<std::string, BinnedResidual>;
+using report::ValveResiduals;
 
 /// What the members of a group leave of one test [unit of the output].
 struct GroupResidual {

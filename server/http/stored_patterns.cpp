@@ -1,7 +1,5 @@
 #include "server/http/stored_patterns.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <map>
 #include <mutex>
@@ -10,13 +8,13 @@
 #include "server/http/limits.h"
 #include "server/http/stored_recording.h"
 #include "server/http/subject.h"
-#include "server/report/curves.h"
+#include "server/wire/residuals_json.h"
 
 namespace valvetriage::http {
 
 /// Thread-safe; empties itself where it is full, for what is in it can be computed again.
 struct ResidualCache {
-  static constexpr std::size_t kMost = 2000;  // about 10 MB
+  static constexpr std::size_t kMost = 1000;  // about 10 MB
 
   std::optional<ValveResiduals> find(const std::string& analysis_id) {
     const std::lock_guard lock(mutex);
@@ -39,33 +37,22 @@ std::shared_ptr<ResidualCache> make_residual_cache() {
 
 namespace {
 
-constexpr std::size_t kBins = 64;  // a 20 s test at 200 Hz: 60 samples each, a time constant or two
-
 /// Residuals of one valve's recordings under the simulation its newest analysis compared it with. A recording that
 /// cannot be read or simulated is left out.
-Result<ValveResiduals> residuals_of(Service& service, const SubmissionRow& valve) {
+Result<ValveResiduals> simulated_residuals(Service& service, const SubmissionRow& valve) {
   const auto row = service.store.newest_analysis(valve.id);
   if (!row) return tl::unexpected(row.error());
   if (auto known = service.residuals->find(row->id)) return std::move(*known);
   const auto document = stored_analysis(service, *row);
   if (!document) return tl::unexpected(document.error());
-  auto recordings = service.store.recordings_of(valve.id);
-  if (!recordings) return tl::unexpected(recordings.error());
-  std::stable_sort(recordings->begin(), recordings->end(),
-                   [](const RecordingRow& a, const RecordingRow& b) { return a.name < b.name; });
-  ValveResiduals residuals;
-  for (const RecordingRow& stored : *recordings) {
-    const auto recording = read_stored_recording(service, stored);
-    if (!recording) continue;
-    const auto simulated = report::free_run(document->analysis.baseline.model, *recording);
-    if (!simulated) continue;
-    const double duration_s = static_cast<double>(recording->samples()) * recording->sample_period_s;
-    std::string key = fmt::format("{}, {:.1f} s", to_string(recording->test), duration_s);
-    const auto count = std::count_if(residuals.begin(), residuals.end(),
-                                     [&](const auto& entry) { return entry.first.starts_with(key); });
-    if (count > 0) key += fmt::format(", {}", count + 1);
-    residuals.emplace(std::move(key), binned_residual(*recording, *simulated, kBins));
+  const auto stored = service.store.recordings_of(valve.id);
+  if (!stored) return tl::unexpected(stored.error());
+  std::vector<Recording> recordings;
+  for (const RecordingRow& each : *stored) {
+    auto recording = read_stored_recording(service, each);
+    if (recording) recordings.push_back(std::move(*recording));
   }
+  ValveResiduals residuals = report::valve_residuals(std::move(recordings), document->analysis.baseline.model);
   service.residuals->keep(row->id, residuals);
   return residuals;
 }
@@ -74,17 +61,35 @@ Result<ValveResiduals> residuals_of(Service& service, const SubmissionRow& valve
 struct Compared {
   std::vector<const SubmissionRow*> valves;
   std::vector<ValveResiduals> residuals;
+  std::size_t simulated = 0;  ///< of those whose analysis kept none
 };
+
+/// Residuals of one more valve; none where too many would have to be simulated.
+Result<std::optional<ValveResiduals>> next_residuals(Service& service, const SubmissionRow& valve, Compared& found) {
+  const auto kept = service.store.newest_residuals(valve.id);
+  if (!kept) return tl::unexpected(kept.error());
+  if (!kept->empty()) {
+    auto residuals = residuals_from_json(*kept);
+    if (!residuals) return tl::unexpected(residuals.error());
+    return std::move(*residuals);
+  }
+  if (found.simulated == kMaxSimulatedValves) return std::nullopt;
+  ++found.simulated;
+  auto residuals = simulated_residuals(service, valve);
+  if (!residuals) return tl::unexpected(residuals.error());
+  return std::move(*residuals);
+}
 
 Result<Compared> compared_valves(Service& service, const LotHistory& history, std::string_view conclusion,
                                  std::size_t most) {
   Compared found;
   for (auto valve = history.valves.rbegin(); valve != history.valves.rend() && found.valves.size() < most; ++valve) {
     if (valve->summary.conclusion != conclusion) continue;
-    auto residuals = residuals_of(service, *valve);
+    auto residuals = next_residuals(service, *valve, found);
     if (!residuals) return tl::unexpected(residuals.error());
+    if (!*residuals) continue;
     found.valves.push_back(&*valve);
-    found.residuals.push_back(std::move(*residuals));
+    found.residuals.push_back(std::move(**residuals));
   }
   return found;
 }
@@ -92,12 +97,13 @@ Result<Compared> compared_valves(Service& service, const LotHistory& history, st
 }  // namespace
 
 std::vector<const SubmissionRow*> StoredPatterns::alone() const {
+  std::vector<bool> grouped(compared.size());
+  for (const LotPattern& group : groups) {
+    for (const std::size_t member : group.members) grouped[member] = true;
+  }
   std::vector<const SubmissionRow*> valves;
   for (std::size_t i = 0; i < compared.size(); ++i) {
-    const bool grouped = std::any_of(groups.begin(), groups.end(), [&](const LotPattern& group) {
-      return std::find(group.members.begin(), group.members.end(), i) != group.members.end();
-    });
-    if (!grouped) valves.push_back(compared[i]);
+    if (!grouped[i]) valves.push_back(compared[i]);
   }
   return valves;
 }

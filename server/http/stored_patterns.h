@@ -9,7 +9,7 @@ namespace valvetriage::http {
 /// Groups of a lot's unexplained valves that leave the same residual over time.
 struct StoredPatterns {
   std::size_t unexplained = 0;                 ///< valves of the lot
-  std::vector<const SubmissionRow*> compared;  ///< the newest kMaxPatternValves of them, newest first
+  std::vector<const SubmissionRow*> compared;  ///< of them, newest first: see limits.h
   std::size_t good_valves = 0;                 ///< of the lot, whose residual counts as usual
   std::vector<LotPattern> groups;              ///< members are indices into `compared`
 
@@ -18,7 +18,7 @@ struct StoredPatterns {
 };
 
 /// history  has to outlive the result
-/// Cost     a simulation per recording the first time, kept in the service's residual cache
+/// Cost     O(v) reads and the clustering; a simulation per recording where an analysis kept no residuals
 Result<StoredPatterns> stored_patterns(Service& service, const LotHistory& history);
 
 }  // namespace valvetriage::http

@@ -6,9 +6,11 @@
 
 #include "core/recording/columns.h"
 #include "server/jobs/analyze_session.h"
+#include "server/report/valve_residuals.h"
 #include "server/wire/discrepancy_json.h"
 #include "server/wire/json_fields.h"
 #include "server/wire/reference_json.h"
+#include "server/wire/residuals_json.h"
 #include "server/wire/rule_base_json.h"
 
 namespace valvetriage {
@@ -105,6 +107,14 @@ AnalysisSummary summary_of(const Analysis& analysis) {
   return summary;
 }
 
+/// What a lot lays beside each other: unexplained valves, and those in which nothing is wrong.
+std::string residuals_of(SessionAnalysis& session) {
+  const auto& found = session.analysis.discrepancy;
+  if (!found) return "";
+  if (found->conclusion != Conclusion::kUnexplained && found->conclusion != Conclusion::kNone) return "";
+  return residuals_to_json(report::valve_residuals(std::move(session.recordings), session.analysis.baseline.model));
+}
+
 }  // namespace
 
 Result<NewAnalysis> run_analysis_job(const JobSpec& spec, const ReportProgress& progress) {
@@ -122,13 +132,14 @@ Result<NewAnalysis> run_analysis_job(const JobSpec& spec, const ReportProgress& 
     recordings.push_back(std::move(*read));
   }
   progress(0.5, "analysing");
-  const auto session = analyze_session(std::move(recordings), *options, asked->mapping);
+  auto session = analyze_session(std::move(recordings), *options, asked->mapping);
   if (!session) return tl::unexpected(session.error());
   return NewAnalysis{.engine_version = VALVETRIAGE_VERSION,
                      .settings_sha256 = session->document["engine"]["settings_sha256"].get<std::string>(),
                      .result_sha256 = session->document["result_sha256"].get<std::string>(),
                      .summary = summary_of(session->analysis),
-                     .body_json = dump_json(session->document)};
+                     .body_json = dump_json(session->document),
+                     .residuals_json = residuals_of(*session)};
 }
 
 }  // namespace valvetriage

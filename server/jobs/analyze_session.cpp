@@ -69,6 +69,7 @@ Result<SessionAnalysis> analyze_session(std::vector<ReadRecording> recordings, c
   session.document = to_json(session.analysis, {.engine_version = VALVETRIAGE_VERSION,
                                                 .settings_sha256 = settings_sha256(options, mapping),
                                                 .timing_s = {{"analysis", spent.count()}}});
+  session.recordings = std::move(ordered);
   return session;
 }
 

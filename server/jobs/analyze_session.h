@@ -11,8 +11,9 @@ namespace valvetriage {
 /// An analysis, its document, and which of the given recordings each of its own is.
 struct SessionAnalysis {
   Analysis analysis;
-  Json document;                   ///< CONTRACT section 3
-  std::vector<std::size_t> order;  ///< order[i]: place in the argument of the analysis' recording i
+  Json document;                      ///< CONTRACT section 3
+  std::vector<Recording> recordings;  ///< as they were analysed, in the analysis' order
+  std::vector<std::size_t> order;     ///< order[i]: place in the argument of the analysis' recording i
 };
 
 /// Analyses one valve's recordings together, in the order of their hashes, so that the order of files does not matter.

@@ -100,6 +100,7 @@ NewAnalysis analysis_from(JsonFields fields) {
   analysis.result_sha256 = fields.text("result_sha256");
   analysis.summary = summary_from(fields.object("summary"));
   analysis.body_json = fields.text("body");
+  analysis.residuals_json = fields.text_or("residuals", "");
   return analysis;
 }
 
@@ -160,7 +161,8 @@ std::string done_line(const NewAnalysis& analysis) {
                       {"settings_sha256", analysis.settings_sha256},
                       {"result_sha256", analysis.result_sha256},
                       {"summary", to_json(analysis.summary)},
-                      {"body", analysis.body_json}}}}) +
+                      {"body", analysis.body_json},
+                      {"residuals", analysis.residuals_json}}}}) +
          "\n";
 }
 

@@ -102,6 +102,10 @@ std::string errors_part(const LotReport& report) {
   return body.empty() ? "<p>No valve of this lot was tested at a known level.</p>\n" : body;
 }
 
+/// Serials that a pattern names, and patterns that are drawn: the page lists them all.
+constexpr std::size_t kNamedSerials = 100;
+constexpr std::size_t kShownGroups = 20;
+
 /// What all valves of the lot share, with every figure that was compared.
 std::string shifts_part(const LotShifts& shifts) {
   std::string body;
@@ -124,25 +128,39 @@ std::string shifts_part(const LotShifts& shifts) {
 
 std::string joined(const std::vector<std::string>& serials) {
   std::string list;
-  for (const std::string& serial : serials) list += (list.empty() ? "" : ", ") + escaped(serial);
+  const std::size_t shown = std::min(serials.size(), kNamedSerials);
+  for (std::size_t i = 0; i < shown; ++i) list += (list.empty() ? "" : ", ") + escaped(serials[i]);
+  if (shown < serials.size()) list += fmt::format(" and {} more", serials.size() - shown);
   return list;
 }
 
 /// Unexplained valves that leave the same residual, and those that are like no other.
 std::string patterns_part(const PatternsShown& patterns) {
   if (patterns.unexplained == 0) return "<p>No valve of this lot is unexplained.</p>\n";
-  std::string body = fmt::format("<p>{} unexplained; the residuals over time of the newest {} were compared.{}</p>\n",
-                                 counted(patterns.unexplained, "valve"), patterns.compared,
+  const std::string of = patterns.compared < patterns.unexplained ? fmt::format("{} of ", patterns.compared) : "";
+  std::string body = fmt::format("<p>The residuals over time of {}{} that no cause explains were compared.{}</p>\n", of,
+                                 counted(patterns.unexplained, "valve"),
                                  patterns.groups.empty() ? " No two of them leave the same." : "");
-  for (std::size_t i = 0; i < patterns.groups.size(); ++i) {
+  const std::size_t shown = std::min(patterns.groups.size(), kShownGroups);
+  for (std::size_t i = 0; i < shown; ++i) {
     const PatternShown& group = patterns.groups[i];
     const std::string title = fmt::format("Pattern {}: {}", i + 1, counted(group.members.size(), "valve"));
     body += fmt::format("<h3>{}</h3>\n<p>{}</p>\n", title, joined(group.members)) +
             drawn(time_plot(title + ", mean residual over time", group.panels));
   }
+  if (shown < patterns.groups.size()) {
+    body += fmt::format("<p>And {}.</p>\n", counted(patterns.groups.size() - shown, "smaller pattern"));
+  }
   if (patterns.alone.empty()) return body;
   return body + fmt::format("<p>{}{}.</p>\n",
                             patterns.groups.empty() ? "They are: " : "Like no other: ", joined(patterns.alone));
+}
+
+/// A stamp in RFC 3339 with a space where a narrow column may break it: "2026-08-03 09:12:44 UTC".
+std::string spaced(std::string stamp) {
+  if (const auto at = stamp.find('T'); at != std::string::npos) stamp[at] = ' ';
+  if (stamp.ends_with('Z')) stamp.replace(stamp.size() - 1, 1, " UTC");
+  return stamp;
 }
 
 std::string valves_part(const LotReport& report) {
@@ -152,8 +170,8 @@ std::string valves_part(const LotReport& report) {
   Table table(std::move(columns));
   for (const LotReportValve& valve : report.valves) {
     std::vector<std::string> cells{escaped(valve.serial.empty() ? "without serial" : valve.serial),
-                                   escaped(valve.received_at), escaped(valve.verdict.empty() ? "–" : valve.verdict),
-                                   escaped(what_is_wrong(valve))};
+                                   escaped(spaced(valve.received_at)),
+                                   escaped(valve.verdict.empty() ? "–" : valve.verdict), escaped(what_is_wrong(valve))};
     for (const LotReportLevel& level : report.levels) {
       const auto error = valve.error_eq20.find(level.level_a);
       cells.push_back(error == valve.error_eq20.end() ? "–" : fmt::format("{:.3g}", error->second));

@@ -12,7 +12,8 @@ body { margin: 0 auto; max-width: 180mm; padding: 4mm; }
 h1 { font-size: 16pt; margin: 0 0 2mm; overflow-wrap: anywhere; } h2 { font-size: 12pt; margin: 6mm 0 2mm; border-bottom: .3mm solid #c4cad1; }
 h3 { font-size: 10.5pt; margin: 4mm 0 1mm; }
 p, ul { margin: 1.5mm 0; }
-table { border-collapse: collapse; width: 100%; font-size: 9pt; } th, td { text-align: left; padding: .8mm 3mm .8mm 0; border-bottom: .2mm solid #e3e6ea; vertical-align: top; overflow-wrap: anywhere; }
+table { border-collapse: collapse; width: 100%; font-size: 9pt; } th, td { text-align: left; padding: .8mm 3mm .8mm 0; border-bottom: .2mm solid #e3e6ea; vertical-align: top; overflow-wrap: break-word; }
+td:first-child { overflow-wrap: anywhere; min-width: 20mm; }
 td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
 tr, figure, h2, h3 { break-inside: avoid; } h2, h3 { break-after: avoid; }
 figure { margin: 3mm 0; } figcaption { font-size: 9pt; color: #57606a; } svg { width: 100%; height: auto; }

@@ -267,13 +267,15 @@ struct Accepted {
   std::vector<RecordingRow> recordings{};  ///< where `alone`, exactly the one that was asked for
 };
 
-/// A result to store: summary for the lists, `body_json` the whole document.
+/// A result to store: summary for the lists, `body_json` the whole document. `residuals_json` is what the simulation
+/// leaves, coarse, for the lot to compare valves by; empty where nothing is kept.
 struct NewAnalysis {
   std::string engine_version{};
   std::string settings_sha256{};
   std::string result_sha256{};
   AnalysisSummary summary{};
   std::string body_json{};
+  std::string residuals_json{};
 };
 
 /// How an attempt that gave no analysis ended.
@@ -395,6 +397,8 @@ class Store {
   virtual Result<std::vector<AnalysisRow>> analyses_of(std::string_view submission_id) = 0;
   virtual Result<AnalysisRow> newest_analysis(std::string_view submission_id) = 0;
   virtual Result<std::string> analysis_body(std::string_view analysis_id) = 0;
+  /// `residuals_json` of the submission's newest analysis; empty where it kept none.
+  virtual Result<std::string> newest_residuals(std::string_view submission_id) = 0;
 
   // --- references and rule bases -------------------------------------------------------------------------------------
   /// The next version of this valve type's document. The same body as the newest again: that version, nothing is added.

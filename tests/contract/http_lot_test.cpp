@@ -196,5 +196,21 @@ TEST_F(HttpLot, GroupsUnexplainedValvesThatLeaveTheSameResidual) {
   EXPECT_NEAR(residual["mean"][31].get<double>() - residual["good"][31].get<double>(), 20, 2);
 }
 
+TEST_F(HttpLot, ComparesEveryValveThatKeptItsResidualsAndTheNewestFewOfTheOthers) {
+  for (const char* serial : {"G-1", "G-2", "G-3"}) send(serial, "none kept");
+  send("K-1", "unexplained kept", "stand-1", "lot-1", 180);
+  send("K-2", "unexplained kept", "stand-1", "lot-1", 180);
+  for (int i = 0; i < 42; ++i) send("OLD-" + std::to_string(i), "unexplained", "stand-1", "lot-1", i < 2 ? 180 : 320);
+  const Json answer = get("/v1/lots/lot-1/patterns");
+  EXPECT_EQ(answer["unexplained"], 44);
+  EXPECT_EQ(answer["compared"], 42);
+  ASSERT_EQ(answer["groups"].size(), 2u);
+  EXPECT_EQ(answer["groups"][0]["members"].size(), 40u);
+  // The two oldest of those that would have to be simulated are left out.
+  EXPECT_EQ(serials(answer["groups"][1]["members"]), (std::vector<std::string>{"K-1", "K-2"}));
+  // What was kept says the same as what would be simulated.
+  EXPECT_NEAR(answer["groups"][1]["members"][0]["typicality"].get<double>(), 1, 0.01);
+}
+
 }  // namespace
 }  // namespace valvetriage

@@ -16,9 +16,12 @@
 #include "core/recording/columns.h"
 #include "server/http/serve.h"
 #include "server/jobs/child_protocol.h"
+#include "server/report/valve_residuals.h"
 #include "server/wire/analysis_json.h"
 #include "server/wire/json.h"
+#include "server/wire/model_json.h"
 #include "server/wire/read_recording.h"
+#include "server/wire/residuals_json.h"
 #include "server/wire/sha256.h"
 
 namespace valvetriage {
@@ -30,7 +33,8 @@ std::string example_analysis() {
 }
 
 /// The schema's example, or what the recording's complaint asks for: "unexplained", "named friction sensor_offset";
-/// "wait FILE" gives the example as soon as there is such a file.
+/// "unexplained kept" keeps the residuals as the real analyser does, which the others leave to whoever asks; "wait
+/// FILE" gives the example as soon as there is such a file.
 Json analysis_asked_for(const std::optional<std::string>& complaint) {
   Json document = *parse_json(example_analysis());
   if (!complaint) return document;
@@ -63,6 +67,7 @@ Result<NewAnalysis> read_only_analysis(const JobSpec& spec, const ReportProgress
   if (!options) return tl::unexpected(options.error());
   std::string hashes;
   std::optional<std::string> complaint;
+  std::vector<Recording> recordings;
   for (const JobFile& file : spec.files) {
     ReadOptions read;
     read.name = file.name;
@@ -71,10 +76,11 @@ Result<NewAnalysis> read_only_analysis(const JobSpec& spec, const ReportProgress
     if (!mapping) return tl::unexpected(mapping.error());
     read.mapping = *mapping;
     if (options->contains("sample_rate_hz")) read.mapping.sample_rate_hz = (*options)["sample_rate_hz"].get<double>();
-    const auto recording = read_recording_file(file.path, read);
+    auto recording = read_recording_file(file.path, read);
     if (!recording) return tl::unexpected(recording.error());
     hashes += recording->sha256;
     complaint = recording->recording.metadata.complaint;
+    recordings.push_back(std::move(recording->recording));
     progress(0.5, "read");
   }
   NewAnalysis analysis{.engine_version = VALVETRIAGE_VERSION,
@@ -93,6 +99,11 @@ Result<NewAnalysis> read_only_analysis(const JobSpec& spec, const ReportProgress
   if (!found["causes"].empty()) {
     analysis.summary.top_cause = found["causes"][0]["cause"].get<std::string>();
     analysis.summary.top_cause_probability = found["causes"][0]["probability"].get<double>();
+  }
+  if (complaint && complaint->ends_with(" kept")) {
+    const Json& model = document["baseline"]["model"];
+    analysis.residuals_json =
+        residuals_to_json(report::valve_residuals(std::move(recordings), *model_from_json(model)));
   }
   for (const Json& cause : found["causes"]) {
     analysis.summary.causes.push_back({.cause = cause["cause"].get<std::string>(),

@@ -310,6 +310,20 @@ TEST_P(StoreContract, StoresTheResultWithTheEndOfItsJob) {
   EXPECT_EQ(*store_->analysis_body(stored->id), an_analysis("Severe").body_json);
 }
 
+TEST_P(StoreContract, KeepsTheResidualsOfTheNewestAnalysisWhereItHasAny) {
+  const Accepted accepted = accept(alone(a_valve("lot-a", "EFC-1"), "one"));
+  EXPECT_EQ(store_->newest_residuals(accepted.submission.id).error().code, "not_found");
+  NewAnalysis analysis = an_analysis("Severe");
+  analysis.residuals_json = R"({"step, 2.0 s":{"time_s":[1.0],"value":[0.5],"white_sd":0.1}})";
+  ASSERT_TRUE(store_->finish(claim().lease(), analysis));
+  reopen();
+  EXPECT_EQ(*store_->newest_residuals(accepted.submission.id), analysis.residuals_json);
+  ASSERT_TRUE(store_->reanalyze(accepted.submission.id, "{}", "local", 10));
+  EXPECT_EQ(*store_->newest_residuals(accepted.submission.id), analysis.residuals_json);
+  ASSERT_TRUE(store_->finish(claim().lease(), an_analysis("Good")));
+  EXPECT_EQ(*store_->newest_residuals(accepted.submission.id), "");
+}
+
 TEST_P(StoreContract, TakesNoSecondResultForAJob) {
   accept(alone(Labels{}, "one"));
   const JobRow job = claim();

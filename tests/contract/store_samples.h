@@ -43,7 +43,8 @@ inline NewAnalysis an_analysis(const std::string& verdict, const std::string& ca
                        .settings_sha256 = sha256_hex("settings"),
                        .result_sha256 = sha256_hex(verdict + cause),
                        .summary = {},
-                       .body_json = R"({"schema":"valvetriage.analysis/1"})"};
+                       .body_json = R"({"schema":"valvetriage.analysis/1"})",
+                       .residuals_json = ""};
   analysis.summary.verdict = verdict;
   analysis.summary.action = "reject";
   analysis.summary.conclusion = "named";

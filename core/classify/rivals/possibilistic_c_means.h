@@ -16,9 +16,12 @@ namespace valvetriage {
 /// 98;
 ///         for fault detection K. Detroja and others, J. Process Control 16 (2006) 1055 (paper reference 8)
 /// Cost    O(iterations · n · c · p) to train; deterministic
+///
+/// most_starts  of possibilistic_groups: rows it runs from
 struct PossibilisticOptions {
   double fuzzifier = 2.0;
   int most_iterations = 100;
+  int most_starts = 200;
 };
 RivalClassifier train_possibilistic_c_means(const TrainingSet& training, const PossibilisticOptions& options = {});
 
@@ -29,18 +32,22 @@ struct PatternGroup {
   std::vector<double> typicality;    ///< of each member, 1/2 at least
 };
 
-/// Groups of rows that lie together, as many as there are: the same updates with one given η, run from every row; where
-/// several end at the same place there is one cluster. A row belongs to the cluster it is most typical of, if its
-/// typicality there is 1/2 at least; rows that lie alone belong to none.
+/// Groups of rows that lie together, as many as there are: the same updates with one given η, run from the rows that
+/// lie densest and belong to no cluster yet, most_starts at most; where several end at the same place there is one
+/// cluster. Rows of typicality below 1/4 do not pull: however many they are, a small group stays where it is. A row
+/// belongs to the cluster it is most typical of, if its typicality there is 1/2 at least; rows that lie alone belong to
+/// none.
 ///
 ///   Possibilistic clusters do not repel each other: each seeks a dense place by itself, so that the number of clusters
-///   need not be known (R. Krishnapuram and J. Keller, IEEE Trans. Fuzzy Systems 4 (1996) 385).
+///   need not be known (R. Krishnapuram and J. Keller, IEEE Trans. Fuzzy Systems 4 (1996) 385). The densest places
+///   first as in subtractive clustering (S. Chiu, J. Intelligent and Fuzzy Systems 2 (1994) 267); how dense, 512 rows
+///   tell.
 ///
 /// x        n × p, on the scale that distances are meant on
 /// eta      squared distance of typicality 1/2, > 0
 /// options  a fuzzifier near 1 lets far rows weigh less
 /// Returns  largest group first; groups of one are none
-/// Cost     O(iterations · n² · p); deterministic
+/// Cost     O(starts · iterations · n · p), O(n · p) of memory; deterministic
 std::vector<PatternGroup> possibilistic_groups(const Eigen::MatrixXd& x, double eta,
                                                const PossibilisticOptions& options = {});
 

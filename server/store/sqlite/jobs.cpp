@@ -102,8 +102,8 @@ void apply_step(const Write& in, const JobAt& job, AttemptEnd end, std::string_v
   }
 }
 
-std::int64_t insert_analysis(const Write& in, const JobAt& job, const NewAnalysis& analysis,
-                             std::string_view body_zstd) {
+std::int64_t insert_analysis(const Write& in, const JobAt& job, const NewAnalysis& analysis, std::string_view body_zstd,
+                             std::string_view residuals_zstd) {
   const AnalysisSummary& summary = analysis.summary;
   const TimestampMs now = in.clock.utc_ms();
   in.connection.run(
@@ -116,6 +116,8 @@ std::int64_t insert_analysis(const Write& in, const JobAt& job, const NewAnalysi
       causes_to_json(summary.causes));
   const std::int64_t seq = in.connection.last_row();
   in.connection.run("INSERT INTO analysis_bodies VALUES (?, ?)", seq, Blob{body_zstd});
+  if (!residuals_zstd.empty())
+    in.connection.run("INSERT INTO analysis_residuals VALUES (?, ?)", seq, Blob{residuals_zstd});
   return seq;
 }
 
@@ -214,10 +216,10 @@ Result<void> heartbeat(const Write& in, const LeaseToken& lease, std::int64_t le
 }
 
 Result<AnalysisRow> finish(const Write& in, const LeaseToken& lease, const NewAnalysis& analysis,
-                           std::string_view body_zstd) {
+                           std::string_view body_zstd, std::string_view residuals_zstd) {
   const auto job = leased_job(in.connection, lease);
   if (!job) return tl::unexpected(job.error());
-  insert_analysis(in, *job, analysis, body_zstd);
+  insert_analysis(in, *job, analysis, body_zstd, residuals_zstd);
   show_summary(in, *job, analysis.summary);
   in.connection.run("UPDATE jobs SET progress = 1, progress_note = '' WHERE seq = ?", job->seq);
   end_job(in, *job, JobState::kDone, std::nullopt, "worker");

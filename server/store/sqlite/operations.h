@@ -47,7 +47,7 @@ Result<void> heartbeat(const Write& in, const LeaseToken& lease, std::int64_t le
                        std::string_view progress_note);
 /// body_zstd  the compressed document
 Result<AnalysisRow> finish(const Write& in, const LeaseToken& lease, const NewAnalysis& analysis,
-                           std::string_view body_zstd);
+                           std::string_view body_zstd, std::string_view residuals_zstd);
 Result<JobRow> end_attempt(const Write& in, const LeaseToken& lease, AttemptEnd end, std::string_view problem_json);
 Result<JobRow> cancel(const Write& in, std::string_view job_id, std::string_view actor);
 Result<int> expire_leases(const Write& in);
@@ -58,6 +58,8 @@ Result<QueueStats> queue_stats(Connection& connection);
 Result<std::vector<AnalysisRow>> analyses_of(Connection& connection, std::string_view submission_id);
 Result<AnalysisRow> newest_analysis(Connection& connection, std::string_view submission_id);
 Result<std::string> analysis_body_zstd(Connection& connection, std::string_view analysis_id);
+/// Of the newest analysis; empty where it kept none.
+Result<std::string> newest_residuals_zstd(Connection& connection, std::string_view submission_id);
 /// A document whose body is still compressed.
 struct StoredDocument {
   DocumentRow row;

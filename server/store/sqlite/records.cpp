@@ -121,6 +121,16 @@ Result<std::string> analysis_body_zstd(Connection& connection, std::string_view 
   return query.text();
 }
 
+Result<std::string> newest_residuals_zstd(Connection& connection, std::string_view submission_id) {
+  Query query = connection.query(
+      "SELECT r.residuals FROM submissions s JOIN analyses a ON a.submission_seq = s.seq LEFT JOIN analysis_residuals "
+      "r "
+      "ON r.analysis_seq = a.seq WHERE s.id = ? ORDER BY a.seq DESC LIMIT 1",
+      submission_id);
+  if (!query.next()) return fail("not_found", fmt::format("there is no analysis of '{}' yet", submission_id));
+  return query.text();
+}
+
 Result<DocumentRow> add_document(const Write& in, DocumentKind kind, std::string_view valve_type,
                                  std::string_view sha256, std::string_view body_zstd, std::string_view actor) {
   const auto newest = document(in.connection, kind, valve_type, std::nullopt);

@@ -92,7 +92,8 @@ class SqliteStore final : public Store {
   }
   Result<AnalysisRow> finish(const LeaseToken& lease, const NewAnalysis& analysis) override {
     const std::string body_zstd = compress_text(analysis.body_json);
-    return write([&](const Write& in) { return sqlite::finish(in, lease, analysis, body_zstd); });
+    const std::string residuals_zstd = analysis.residuals_json.empty() ? "" : compress_text(analysis.residuals_json);
+    return write([&](const Write& in) { return sqlite::finish(in, lease, analysis, body_zstd, residuals_zstd); });
   }
   Result<JobRow> end_attempt(const LeaseToken& lease, AttemptEnd end, std::string_view problem_json) override {
     return write([&](const Write& in) { return sqlite::end_attempt(in, lease, end, problem_json); });
@@ -119,6 +120,10 @@ class SqliteStore final : public Store {
   Result<std::string> analysis_body(std::string_view analysis_id) override {
     return readers_.run([&](Connection& c) { return sqlite::analysis_body_zstd(c, analysis_id); })
         .and_then(expand_text);
+  }
+  Result<std::string> newest_residuals(std::string_view submission_id) override {
+    const auto stored = readers_.run([&](Connection& c) { return sqlite::newest_residuals_zstd(c, submission_id); });
+    return stored && !stored->empty() ? expand_text(*stored) : stored;
   }
 
   Result<DocumentRow> add_document(DocumentKind kind, std::string_view valve_type, std::string_view body_json,

@@ -48,6 +48,44 @@ TEST(PossibilisticGroups, OfDirectionsWithoutAPatternAreNone) {
   EXPECT_TRUE(possibilistic_groups(directions({}, 1, 30, 1), 0.5, kSharp).empty());
 }
 
+TEST(PossibilisticGroups, AreFoundAmongThousandsThatLieAlone) {
+  const auto groups = possibilistic_groups(directions({3, 17, 29}, 8, 2500, 0.4), 0.5, kSharp);
+  std::set<std::set<std::size_t>> found;
+  for (const PatternGroup& group : groups) {
+    std::set<std::size_t> members;
+    for (const std::size_t member : group.members) {
+      if (member < 24) members.insert(member);
+    }
+    if (!members.empty()) found.insert(members);
+  }
+  // Of 2500 random directions a few point along a group by chance (a correlation of 0.7 is 4.5 standard deviations of
+  // 1/√40 away), or along each other; the groups keep all their own.
+  EXPECT_EQ(found, (std::set<std::set<std::size_t>>{
+                       {0, 1, 2, 3, 4, 5, 6, 7}, {8, 9, 10, 11, 12, 13, 14, 15}, {16, 17, 18, 19, 20, 21, 22, 23}}));
+  std::size_t strangers = 0;
+  for (const PatternGroup& group : groups) {
+    for (const std::size_t member : group.members) strangers += member >= 24;
+  }
+  EXPECT_LT(strangers, 125u);  // 5 %
+}
+
+TEST(PossibilisticGroups, AreTheDensestWhereThereAreMoreThanStarts) {
+  // Thirty pairs and, last in the order of rows, a group of ten.
+  std::vector<int> axes;
+  for (int axis = 0; axis < 30; ++axis) axes.push_back(axis);
+  const Eigen::MatrixXd pairs = directions(axes, 2, 0, 0.3), ten = directions({35}, 10, 0, 0.3);
+  Eigen::MatrixXd x(70, 40);
+  x << pairs, ten;
+  const auto every = possibilistic_groups(x, 0.5, kSharp);
+  EXPECT_EQ(every.size(), 31u);
+  PossibilisticOptions few = kSharp;
+  few.most_starts = 4;
+  const auto densest = possibilistic_groups(x, 0.5, few);
+  ASSERT_EQ(densest.size(), 4u);
+  EXPECT_EQ(densest[0].members.size(), 10u);
+  EXPECT_EQ(*std::min_element(densest[0].members.begin(), densest[0].members.end()), 60u);
+}
+
 TEST(PossibilisticGroups, OfNothingAreNone) {
   EXPECT_TRUE(possibilistic_groups(Eigen::MatrixXd(0, 0), 0.5).empty());
 }

@@ -194,7 +194,7 @@ TEST(LotReport, CountsAsCausesOnlyWhatIsSettled) {
 TEST(LotReport, ShowsTheSizesOfItsCausesAndThePatternsOfUnexplainedValves) {
   const std::string html = lot_report_html(small_lot());
   EXPECT_NE(html.find("2 valves: median 25 mA, the middle half from 22.5 mA to 27.5 mA"), std::string::npos);
-  EXPECT_NE(html.find("50 valves unexplained; the residuals over time of the newest 40 were compared."),
+  EXPECT_NE(html.find("The residuals over time of 40 of 50 valves that no cause explains were compared."),
             std::string::npos);
   EXPECT_NE(html.find("EFC-7, EFC-8"), std::string::npos);
   EXPECT_NE(html.find("Like no other: EFC-9."), std::string::npos);
