@@ -6,6 +6,7 @@ import { bytes, counted, isFinal, verdictMark } from "./format.js";
 import { problemText } from "./valve_view.js";
 
 const AT_A_TIME = 3;
+const ROWS_AT_ONCE = 40; // listed between two frames
 const HEAD_BYTES = 4096;
 const JSON_BYTES = 4e6; // a session of 40,000 samples
 const FILE = /\.(csv|txt|json|mat)(\.gz|\.zst)?$/i;
@@ -49,9 +50,9 @@ async function headOf(file, most) {
   return text.slice(0, most);
 }
 
-/// `metadata` of a JSON recording that is small enough to be read here.
+/// `metadata` of a JSON recording that is small enough to be read here; null where it is not.
 async function jsonLabels(file) {
-  if (file.size > JSON_BYTES) return {};
+  if (file.size > JSON_BYTES) return null;
   try {
     const { metadata } = JSON.parse(await headOf(file, 20 * JSON_BYTES));
     return Object.fromEntries(Object.entries(metadata ?? {}).filter(([, value]) => typeof value === "string"));
@@ -60,11 +61,11 @@ async function jsonLabels(file) {
   }
 }
 
-/// What a file says of itself: `# key: value` lines at the head of a CSV, `metadata` of a JSON; of other files nothing is
-/// known before the server reads them.
+/// What a file says of itself: `# key: value` lines at the head of a CSV, `metadata` of a JSON; null of a MAT file, of one
+/// packed by zstd (which browsers do not unpack) and of a very large JSON: the server reads those.
 async function labelsOf(file) {
   if (/\.json(\.gz)?$/i.test(file.name)) return jsonLabels(file);
-  if (!/\.(csv|txt)(\.gz)?$/i.test(file.name)) return {};
+  if (!/\.(csv|txt)(\.gz)?$/i.test(file.name)) return null;
   const text = await headOf(file, HEAD_BYTES);
   const labels = {};
   for (const line of text.split(/\r?\n/)) {
@@ -75,14 +76,18 @@ async function labelsOf(file) {
   return labels;
 }
 
-/// Files that belong together: of one folder, else of one lot and serial, else each alone.
+/// Files that belong together: of one folder, else of one lot and serial, else each alone. `unread`: what a file of the
+/// group says of itself is not known here; `mat`: one of them is a MAT file, whose labels are checked in the analysis alone.
 async function grouped(found) {
   const groups = new Map();
   for (const { file, folder } of found) {
-    const labels = await labelsOf(file);
+    const read = await labelsOf(file);
+    const labels = read ?? {};
     const key = folder || (labels.serial ? `${labels.lot ?? ""}\n${labels.serial}` : `${groups.size} ${file.name}`);
-    const group = groups.get(key) ?? groups.set(key, { files: [], labels, folder }).get(key);
+    const group = groups.get(key) ?? groups.set(key, { files: [], labels, folder, unread: false, mat: false }).get(key);
     group.files.push(file);
+    if (read === null) group.unread = true;
+    if (/\.mat(\.gz|\.zst)?$/i.test(file.name)) group.mat = true;
   }
   return [...groups.values()];
 }
@@ -114,17 +119,21 @@ function send(group, labels, onSent, signal) {
   });
 }
 
+const UNREAD = "waits; the server reads what this file says of itself, after the upload";
+const MAT = "waits; lists do not show what a MAT file says of itself: enter its serial and lot here";
+
 /// The row of one valve: its labels, what becomes of it, and a button to try again.
 function groupRow(group, defaults) {
-  const inputs = Object.fromEntries(LABELS.map((name) => [name, el("input", { value: group.labels[name] ?? "", placeholder: defaults[name].value || "–",
+  const inputs = Object.fromEntries(LABELS.map((name) => [name, el("input", { value: group.labels[name] ?? "", placeholder: defaults[name].value || (group.unread && !group.mat ? "in the file?" : "–"),
     "aria-label": `${name} of ${group.files[0].name}`, spellcheck: "false" })]));
   const bar = el("progress", { max: "1", value: "0", "aria-label": `progress of ${group.files[0].name}` });
-  const status = el("span", {}, "waits");
+  const status = el("span", {}, group.mat ? MAT : group.unread ? UNREAD : "waits");
   const retry = el("button", { type: "button", hidden: true }, "Try again");
   const size = group.files.reduce((sum, file) => sum + file.size, 0);
   const files = group.files.length === 1 ? group.files[0].name : `${group.folder.replace(/^\//, "") || "together"}: ${group.files.length} files`;
-  const row = el("tr", {}, el("td", { title: group.files.map((file) => file.name).join("\n") }, files), el("td", { class: "number" }, bytes(size)),
-    LABELS.map((name) => el("td", {}, inputs[name])), el("td", { class: "wide" }, bar, " ", status, " ", retry));
+  const cell = (attributes, ...content) => el("td", { role: "cell", ...attributes }, ...content);
+  const row = el("tr", { role: "row" }, cell({ title: group.files.map((file) => file.name).join("\n") }, files), cell({ class: "number" }, bytes(size)),
+    LABELS.map((name) => cell({}, inputs[name])), cell({}, bar, " ", status, " ", retry));
   const say = (...text) => append(status, (status.replaceChildren(), text));
   return {
     row, retry,
@@ -133,6 +142,14 @@ function groupRow(group, defaults) {
       const typed = inputs[name].value.trim();
       return [name, group.labels[name] ? (typed !== group.labels[name] ? typed : "") : typed || defaults[name].value.trim()];
     })),
+    /// What is sent cannot be changed any more; what was refused can.
+    fixed: (fixed) => Object.values(inputs).forEach((input) => {
+      input.readOnly = fixed;
+    }),
+    /// What the server read in files that the browser does not open.
+    fill: (submission) => group.unread && LABELS.forEach((name) => {
+      inputs[name].value = submission[name] ?? "";
+    }),
     progress: (share) => {
       bar.hidden = false;
       bar.value = share;
@@ -208,9 +225,13 @@ function outcome(submission) {
 export async function showUpload({ signal }) {
   const defaults = Object.fromEntries(LABELS.map((name) => [name, el("input", { spellcheck: "false", autocomplete: "off" })]));
   const condition = options(el("select"), CONDITIONS, "");
-  const body = el("tbody");
-  const list = el("div", { class: "scroll", hidden: true }, el("table", {}, el("caption", {}, "Valves to upload"),
-    el("thead", {}, el("tr", {}, ["Files", "Size", "Serial", "Lot", "Valve type", "Stand", "State"].map((title) => el("th", { scope: "col" }, title)))), body));
+  // Rows are boxes of their own, so that what is out of sight is neither laid out nor drawn: hundreds change at a time. A
+  // table that is shown so has to say by roles that it is one.
+  const body = el("tbody", { role: "rowgroup" });
+  const list = el("div", { class: "scroll", hidden: true, tabindex: "0", role: "region", "aria-label": "Valves to upload" },
+    el("table", { class: "uploads", role: "table", "aria-label": "Valves to upload" },
+      el("thead", { role: "rowgroup" }, el("tr", { role: "row" }, ["Files", "Size", "Serial", "Lot", "Valve type", "Stand", "State"]
+        .map((title) => el("th", { role: "columnheader", class: title === "Size" ? "number" : null }, title)))), body));
   const start = el("button", { type: "button", class: "primary", hidden: true }, "Upload");
   const total = el("p", { role: "status" });
   const waiting = [];
@@ -221,15 +242,20 @@ export async function showUpload({ signal }) {
 
   async function run(group, row) {
     row.retry.hidden = true;
+    row.fixed(true);
     try {
       row.say("sending");
       const submission = await send(group, { ...row.labels(), condition: condition.value }, (share) => row.progress(0.5 * share), signal);
       row.say("queued");
-      jobs.ended(submission, row).then((done) => row.end(...outcome(done)), (error) => !signal.aborted && row.end(mistake(error)))
+      jobs.ended(submission, row).then((done) => {
+        row.fill(done);
+        row.end(...outcome(done));
+      }, (error) => !signal.aborted && row.end(mistake(error)))
         .finally(() => showTotal(++ended));
     } catch (error) {
       if (signal.aborted) return;
       row.end(mistake(error));
+      row.fixed(false);
       row.retry.hidden = false;
     }
   }
@@ -253,7 +279,9 @@ export async function showUpload({ signal }) {
   async function add(found) {
     const fit = found.filter(({ file }) => FILE.test(file.name));
     const ignored = found.length - fit.length;
+    let listed = 0;
     for (const group of await grouped(fit)) {
+      if (++listed % ROWS_AT_ONCE === 0) await new Promise((next) => requestAnimationFrame(next));
       group.key = crypto.randomUUID();
       const row = groupRow(group, defaults);
       row.retry.addEventListener("click", () => {
@@ -287,7 +315,8 @@ export async function showUpload({ signal }) {
       add(await droppedFiles(event.dataTransfer.items));
     } },
   el("p", { class: "big" }, "Drop recordings here"),
-  el("p", {}, "Files of one folder are one valve's session; other files go together by the lot and serial they name."),
+  el("p", {}, "Files of one folder are one valve's session; other files go together by the lot and serial they name. ",
+    "CSV and JSON, also as .gz, are read here; what a .zst file says of itself the server reads after the upload, and a .mat file is listed by what you enter, so drop those of one valve as a folder."),
   el("div", { class: "filters" }, field("Choose files", files), field("Choose a folder", folder)));
   const node = el("div", {}, el("h1", {}, "Upload"), zone,
     el("fieldset", { class: "filters" }, el("legend", {}, "For files that do not say so themselves"),

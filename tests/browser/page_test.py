@@ -12,7 +12,7 @@ import urllib.parse
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
 from chromium import Chromium  # noqa: E402
-from page_server import HOSTILE, Server, recording  # noqa: E402
+from page_server import HOSTILE, Server, recording, zstd_frame  # noqa: E402
 
 
 class Page(unittest.TestCase):
@@ -172,6 +172,29 @@ class Page(unittest.TestCase):
                   for name in ("packed.csv.gz", "document.json", "broken.json")}
         self.assertEqual(values, {"packed.csv.gz": "EFC-GZ", "document.json": "EFC-JSON", "broken.json": ""})
 
+    def test_a_file_that_the_browser_cannot_open_says_so_and_shows_what_the_server_read_in_it(self):
+        plain = self.folder / "plain.csv"
+        plain.write_text(recording("EFC-ZST", "2026-W42"))
+        packed = self.folder / "packed.csv.zst"
+        packed.write_bytes(zstd_frame(plain.read_bytes()))
+        mat = self.folder / "one.mat"
+        mat.write_bytes(b"MATLAB 5.0 MAT-file")
+        (self.folder / "other").mkdir()
+        server = Server(SERVER, str(self.folder / "other"))  # the lists of the other tests stay as they are
+        self.browser.open(f"{server.url}/#/upload")
+        self.browser.wait_for_text("Drop recordings here")
+        self.browser.set_files("#choose-files", [packed, mat])
+        self.browser.wait_for_text("Upload 2 valves")
+        self.assertIn("the server reads what this file says of itself", self.browser.text())
+        self.assertIn("enter its serial and lot here", self.browser.text())
+        serial = "document.querySelector('input[aria-label=\"serial of packed.csv.zst\"]')"
+        self.assertEqual(self.browser.run(f"{serial}.value"), "")
+        self.browser.run("document.querySelector('button.primary').click()")
+        self.browser.wait_for_text("2 of 2 valves have ended.")
+        self.assertEqual(self.browser.run(f"[{serial}.value, {serial}.readOnly]"), ["EFC-ZST", True])
+        self.browser.open("about:blank")
+        server.end()
+
     def test_a_label_that_contradicts_its_file_is_refused_in_words_and_may_be_sent_again(self):
         file = self.folder / "contradicted.csv"
         file.write_text(recording("EFC-77", "2026-W40"))
@@ -257,7 +280,7 @@ class Page(unittest.TestCase):
           document.querySelector('main').replaceChildren(m.patternGroup(group, 1));
         })""")
         self.browser.wait_for_text("Pattern 1: 3 valves")
-        self.assertIn("S1 (0.90), S2 (0.90), S3 (0.90). All were tested on <i>stand-3.", self.browser.text())
+        self.assertIn("S1 (0.90), S2 (0.90), S3 (0.90).\n\nAll were tested on <i>stand-3.", self.browser.text())
         self.assertEqual(self.browser.run("document.querySelectorAll('svg .response').length"), 2)
         self.assertNotIn("NaN", self.browser.run("document.querySelector('svg').outerHTML"))
 
