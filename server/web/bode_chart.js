@@ -1,7 +1,6 @@
 // Gain with its 95 % band, and phase, over frequency; both axes of the gain in decades.
-import { svg, ticks } from "./chart.js";
+import { chartWidth, svg, ticks } from "./chart.js";
 
-const WIDTH = 1000;
 const LEFT = 64;
 const RIGHT = 12;
 const PANEL = { height: 220, top: 12, bottom: 34 };
@@ -22,12 +21,12 @@ export function decades(low, high) {
 function panel({ offset, marks, y, yTitle, xMarks, x, xTitle }) {
   const bottom = offset + PANEL.height - PANEL.bottom;
   return [
-    marks.map((mark) => [svg("line", { class: "grid", x1: LEFT, x2: WIDTH - RIGHT, y1: y(mark), y2: y(mark) }),
+    marks.map((mark) => [svg("line", { class: "grid", x1: LEFT, x2: chartWidth() - RIGHT, y1: y(mark), y2: y(mark) }),
       svg("text", { class: "tick", x: LEFT - 8, y: y(mark) + 4, "text-anchor": "end" }, String(mark))]),
     xMarks.map((mark) => [svg("line", { class: "grid", x1: x(mark), x2: x(mark), y1: offset + PANEL.top, y2: bottom }),
       svg("text", { class: "tick", x: x(mark), y: bottom + 17, "text-anchor": "middle" }, String(mark))]),
     svg("text", { class: "tick", transform: `translate(14 ${offset + PANEL.height / 2}) rotate(-90)`, "text-anchor": "middle" }, yTitle),
-    xTitle ? svg("text", { class: "tick", x: (LEFT + WIDTH) / 2, y: bottom + 32, "text-anchor": "middle" }, xTitle) : null,
+    xTitle ? svg("text", { class: "tick", x: (LEFT + chartWidth()) / 2, y: bottom + 32, "text-anchor": "middle" }, xTitle) : null,
   ];
 }
 
@@ -41,7 +40,7 @@ export function bodeChart(entry, unit) {
   const log = Math.log10;
   const frequencies = points.map((point) => point.frequency);
   const [first, last] = [Math.min(...frequencies), Math.max(...frequencies)];
-  const along = scale(log(first), log(last), LEFT, WIDTH - RIGHT);
+  const along = scale(log(first), log(last), LEFT, chartWidth() - RIGHT);
   const x = (frequency) => along(log(frequency));
   const gains = points.flatMap((point) => [point.gain, point.band?.[1]]).filter((value) => value > 0);
   const smallest = Math.min(...points.map((point) => point.gain));
@@ -54,7 +53,7 @@ export function bodeChart(entry, unit) {
   const down = scale(lowest, highest, second + PANEL.height - PANEL.bottom, second + PANEL.top);
   const line = (list, of) => list.map((point) => `${x(point.frequency).toFixed(1)} ${of(point).toFixed(1)}`).join("L");
   const banded = points.filter((point) => typeof point.band?.[0] === "number");
-  const node = svg("svg", { viewBox: `0 0 ${WIDTH} ${second + PANEL.height + 4}`, class: "lot-chart", role: "img",
+  const node = svg("svg", { viewBox: `0 0 ${chartWidth()} ${second + PANEL.height + 4}`, class: "lot-chart", role: "img",
     "aria-label": `Bode plot: gain and phase from ${first.toPrecision(3)} to ${last.toPrecision(3)} Hz` });
   const xMarks = decades(first, last);
   node.append(

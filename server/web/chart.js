@@ -2,8 +2,10 @@
 import { counted, figure } from "./format.js";
 
 const SVG = "http://www.w3.org/2000/svg";
-const WIDTH = 1000;
-const HALF = 620; // of charts that stand side by side
+const NARROW = matchMedia("(max-width: 40rem)"); // as in page.css
+/// Units across a chart: in a narrow window as many as there are pixels, so that its words stay readable.
+export const chartWidth = () => (NARROW.matches ? 420 : 1000);
+const halfWidth = () => (NARROW.matches ? 420 : 620); // of charts that stand side by side
 const MARGIN = { left: 64, right: 12, top: 12, bottom: 34 };
 const MARKS_AT_MOST = 1500; // beyond that one line stands for the marks, and only those outside the limits stay
 
@@ -35,7 +37,7 @@ export function ticks(low, high, wanted = 5) {
 }
 
 /// A frame with a y axis in `unit`; x runs over the valves in the order they were received.
-function frame({ height, width = WIDTH, low, high, label, yTitle, xTitle, whole = false }) {
+function frame({ height, width = chartWidth(), low, high, label, yTitle, xTitle, whole = false }) {
   const bottom = height - MARGIN.bottom;
   const y = (value) => bottom - ((value - low) / (high - low || 1)) * (bottom - MARGIN.top);
   const node = svg("svg", { viewBox: `0 0 ${width} ${height}`, class: "lot-chart", role: "img", "aria-label": label });
@@ -48,7 +50,7 @@ function frame({ height, width = WIDTH, low, high, label, yTitle, xTitle, whole 
   return { node, y, bottom };
 }
 
-const across = (count) => (index) => MARGIN.left + ((index + 0.5) / Math.max(count, 1)) * (WIDTH - MARGIN.left - MARGIN.right);
+const across = (count) => (index) => MARGIN.left + ((index + 0.5) / Math.max(count, 1)) * (chartWidth() - MARGIN.left - MARGIN.right);
 
 /// A circle, triangle or square: the verdict without its colour.
 function mark(verdict, x, y, size) {
@@ -66,8 +68,8 @@ export function individualsChart({ points, lines, outside, height = 300, label, 
   const { node, y } = frame({ height, low, high: high + 0.05 * (high - low), label, yTitle, xTitle: "valves in the order received" });
   const x = across(points.length);
   for (const line of lines) {
-    node.append(svg("line", { class: `limit ${line.kind}`, x1: MARGIN.left, x2: WIDTH - MARGIN.right, y1: y(line.value), y2: y(line.value) }),
-      svg("text", { class: "tick", x: WIDTH - MARGIN.right, y: y(line.value) - 4, "text-anchor": "end" }, line.title));
+    node.append(svg("line", { class: `limit ${line.kind}`, x1: MARGIN.left, x2: chartWidth() - MARGIN.right, y1: y(line.value), y2: y(line.value) }),
+      svg("text", { class: "tick", x: chartWidth() - MARGIN.right, y: y(line.value) - 4, "text-anchor": "end" }, line.title));
   }
   node.append(svg("path", { class: "run", d: `M${points.map((p, i) => `${x(i).toFixed(1)} ${y(p.value).toFixed(1)}`).join("L")}` }));
   const marked = new Set(outside);
@@ -95,15 +97,15 @@ export function distributionChart({ values, band, label, xTitle }) {
   const all = sorted.flatMap((v) => [v.value, v.low, v.high]).concat(band ?? []).filter((v) => typeof v === "number");
   const [low, high] = [Math.min(...all), Math.max(...all)];
   const room = 0.04 * (high - low || Math.abs(high) || 1);
-  const x = (value) => PLAIN.left + ((value - low + room) / (high - low + 2 * room)) * (WIDTH - PLAIN.left - PLAIN.right);
+  const x = (value) => PLAIN.left + ((value - low + room) / (high - low + 2 * room)) * (chartWidth() - PLAIN.left - PLAIN.right);
   const bottom = height - PLAIN.bottom;
-  const node = svg("svg", { viewBox: `0 0 ${WIDTH} ${height}`, class: "lot-chart", role: "img", "aria-label": label });
+  const node = svg("svg", { viewBox: `0 0 ${chartWidth()} ${height}`, class: "lot-chart", role: "img", "aria-label": label });
   if (band) node.append(svg("rect", { class: "band", x: x(band[0]), width: Math.max(1, x(band[1]) - x(band[0])), y: PLAIN.top, height: bottom - PLAIN.top }));
-  for (const tick of ticks(low - room, high + room, 8)) {
+  for (const tick of ticks(low - room, high + room, NARROW.matches ? 4 : 8)) {
     node.append(svg("line", { class: "grid", x1: x(tick), x2: x(tick), y1: PLAIN.top, y2: bottom }),
       svg("text", { class: "tick", x: x(tick), y: bottom + 16, "text-anchor": "middle" }, String(tick)));
   }
-  node.append(svg("text", { class: "tick", x: (PLAIN.left + WIDTH) / 2, y: height - 6, "text-anchor": "middle" }, xTitle));
+  node.append(svg("text", { class: "tick", x: (PLAIN.left + chartWidth()) / 2, y: height - 6, "text-anchor": "middle" }, xTitle));
   sorted.forEach((value, i) => {
     const y = bottom - step * (i + 1);
     const whisker = typeof value.low === "number" && typeof value.high === "number"
@@ -119,9 +121,9 @@ export function residualChart({ time_s: times, mean, sd, good, label }) {
   const height = 190;
   const edges = mean.flatMap((value, i) => (value === null ? [] : [value - sd[i], value + sd[i]])).concat(good.filter((v) => v !== null), 0);
   const [low, high] = [Math.min(...edges), Math.max(...edges)];
-  const { node, y, bottom } = frame({ height, width: HALF, low, high, label, yTitle: "residual", xTitle: "time [s]" });
+  const { node, y, bottom } = frame({ height, width: halfWidth(), low, high, label, yTitle: "residual", xTitle: "time [s]" });
   const last = times[times.length - 1] + times[0];
-  const x = (time) => MARGIN.left + (time / last) * (HALF - MARGIN.left - MARGIN.right);
+  const x = (time) => MARGIN.left + (time / last) * (halfWidth() - MARGIN.left - MARGIN.right);
   for (const tick of ticks(0, last, 6)) node.append(svg("text", { class: "tick", x: x(tick), y: bottom + 14, "text-anchor": "middle" }, String(tick)));
   const at = (i, value) => `${x(times[i]).toFixed(1)} ${y(value).toFixed(1)}`;
   const line = (values) => values.map((value, i) => (value === null ? "" : `${i > 0 && values[i - 1] !== null ? "L" : "M"}${at(i, value)}`)).join("");
@@ -131,7 +133,7 @@ export function residualChart({ time_s: times, mean, sd, good, label }) {
     const down = there.map((i) => at(i, mean[i] - sd[i])).reverse();
     node.append(svg("path", { class: "band", d: `M${[...up, ...down].join("L")}Z` }));
   }
-  node.append(svg("line", { class: "limit centre", x1: MARGIN.left, x2: HALF - MARGIN.right, y1: y(0), y2: y(0) }));
+  node.append(svg("line", { class: "limit centre", x1: MARGIN.left, x2: halfWidth() - MARGIN.right, y1: y(0), y2: y(0) }));
   if (good.length) node.append(svg("path", { class: "response good", d: line(good) }));
   node.append(svg("path", { class: "response", d: line(mean) }));
   return node;

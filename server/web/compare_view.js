@@ -6,6 +6,7 @@ import { table } from "./table.js";
 
 const SIDES = ["lot", "stand", "with_lot", "with_stand"];
 const LABELS = { lot: "Lot", stand: "Stand", with_lot: "With lot", with_stand: "With stand" };
+const VERDICTS = ["Good", "Malfunctioned", "Severe"];
 const CLEAR = 0.01; // chance below which a difference is pointed out
 
 const sideName = ({ lot, stand }) => [lot ? `lot ${lot}` : null, stand ? `${lot ? "on " : ""}${stand}` : null].filter(Boolean).join(" ");
@@ -20,12 +21,18 @@ const differs = (p) => (p !== null && p < CLEAR ? el("strong", {}, `${chance(p)}
 
 const outcomeName = (name) => (isCause(name) ? spoken(name) : conclusionWords(name));
 
-function shareTable(shares, sides, caption, nameOf) {
-  const cell = (count, total) => (total ? `${count} (${Math.round(100 * count / total)} %)` : "–");
+/// filterOf(name)  the filter of the list that shows a share's valves, {verdict: "Good"}; null where there is none
+function shareTable(shares, sides, caption, nameOf, found, filterOf) {
+  const cell = (share, count, total, { lot, stand }) => {
+    if (!total) return "–";
+    const text = `${count} (${Math.round(100 * count / total)} %)`;
+    const filter = filterOf(share.name);
+    return count && filter ? el("a", { href: address("valves", null, { lot, stand, ...filter }) }, text) : text;
+  };
   return table([
     { title: caption, value: (share) => nameOf(share.name) },
-    { title: sides[0], value: (share) => share.a / (share.of_a || 1), show: (share) => cell(share.a, share.of_a), number: true },
-    { title: sides[1], value: (share) => share.b / (share.of_b || 1), show: (share) => cell(share.b, share.of_b), number: true },
+    { title: sides[0], value: (share) => share.a / (share.of_a || 1), show: (share) => cell(share, share.a, share.of_a, found.a), number: true },
+    { title: sides[1], value: (share) => share.b / (share.of_b || 1), show: (share) => cell(share, share.b, share.of_b, found.b), number: true },
     { title: "Chance if equal", value: (share) => share.p_value, show: (share) => differs(share.p_value), number: true },
   ], shares, { caption: `${caption}: valves and shares, with Fisher's exact test`, empty: "Nothing to compare yet." });
 }
@@ -88,14 +95,16 @@ export async function showCompare({ parameters, signal }) {
     complete ? get(`/v1/comparison?${query}`, signal) : null]);
   const alarms = currentAlarms(stands.items);
   const sides = found ? [sideName(found.a), sideName(found.b)] : [];
+  // Heads of columns say what differs: of one lot on two stands the stand alone.
+  const heads = found && found.a.lot === found.b.lot && found.a.stand && found.b.stand ? [found.a.stand, found.b.stand] : sides;
   const node = el("div", {}, el("h1", {}, "Compare"), alarmList(alarms),
     form(parameters, lots.items.map((lot) => lot.lot), stands.items.map((stand) => stand.stand)),
     found ? [
       el("p", {}, el("bdi", {}, sides[0]), `: ${counted(found.a.valves, "valve")}; `, el("bdi", {}, sides[1]), `: ${counted(found.b.valves, "valve")}. `,
         "The chance is that of so large a difference between two halves of one population."),
-      section("Verdicts", shareTable(found.verdicts, sides, "Verdict", (name) => name)),
-      section("Causes", shareTable(found.causes, sides, "Cause", outcomeName)),
-      section("Error by level", levelTable(found.levels, sides)),
+      section("Verdicts", shareTable(found.verdicts, heads, "Verdict", (name) => name, found, (name) => (VERDICTS.includes(name) ? { verdict: name } : null))),
+      section("Causes", shareTable(found.causes, heads, "Cause", outcomeName, found, (name) => (isCause(name) ? { cause: name } : null))),
+      section("Error by level", levelTable(found.levels, heads)),
     ] : el("p", { class: "empty" }, "Choose two lots, two stands, or one lot on two stands."),
     section("Stands", standTable(stands.items)));
   return { node, title: "Compare" };

@@ -22,7 +22,7 @@ function parameterChart(cause, parameter) {
   const [factor, unit] = scaled(sorted[Math.floor(sorted.length / 2)], parameter.unit);
   const times = (value) => (typeof value === "number" ? value * factor : null);
   const { population_mean: mean, population_sd: sd } = parameter;
-  const band = typeof mean === "number" && typeof sd === "number" ? [times(mean - 2 * sd), times(mean + 2 * sd)] : null;
+  const band = typeof mean === "number" && sd > 0 ? [times(mean - 2 * sd), times(mean + 2 * sd)] : null;
   const said = (share) => quantity(quantile(sorted, share), parameter.unit);
   const middle = sorted.length > 1 ? `median ${said(0.5)}, the middle half from ${said(0.25)} to ${said(0.75)}` : said(0.5);
   const values = parameter.values.map((v) => ({

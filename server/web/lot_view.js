@@ -89,10 +89,11 @@ const RANGE_LIMIT = 3.267; // D4 of a moving range of two
 /// First and last index of every run of at least RUN values on one side of the centre.
 export function runs(values, centre) {
   const found = [];
+  const side = (i) => Math.sign(values[i] - centre);
   let start = 0;
   for (let i = 1; i <= values.length; ++i) {
-    if (i < values.length && values[i] > centre === values[start] > centre) continue;
-    if (i - start >= RUN) found.push([start, i - 1]);
+    if (i < values.length && side(i) === side(start)) continue;
+    if (i - start >= RUN && side(start) !== 0) found.push([start, i - 1]);
     start = i;
   }
   return found;
@@ -111,6 +112,8 @@ export function figuresOf(history) {
   return [...errors, ...features];
 }
 
+const rule = (name) => [el("strong", {}, name), ": "];
+
 /// Individuals and moving range of one figure, with the rules that fired.
 export function controlCharts(level, valves) {
   const points = valves.map((valve) => ({
@@ -128,9 +131,9 @@ export function controlCharts(level, valves) {
   const first = (all, line) => [...all.slice(0, FIRED).map((entry) => el("li", {}, line(entry))),
     all.length > FIRED ? el("li", {}, `and ${all.length - FIRED} more like this`) : null].filter(Boolean);
   const fired = [
-    ...first(outside, (i) => [el("a", { href: points[i].href }, points[i].serial), ` is outside the limits: ${figure(points[i].value)}`]),
-    ...first(runs(points.map((p) => p.value), level.centre), ([from, to]) => `${to - from + 1} valves in a row on one side of the mean, from ${points[from].serial} to ${points[to].serial}`),
-    ...first(wide, (i) => ["the step to ", el("a", { href: ranges[i].href }, ranges[i].serial), ` is larger than the moving range allows: ${figure(ranges[i].value)}`]),
+    ...first(outside, (i) => [rule("Outside the limits"), el("a", { href: points[i].href }, points[i].serial), `: ${figure(points[i].value)}`]),
+    ...first(runs(points.map((p) => p.value), level.centre), ([from, to]) => [rule(`Run of ${RUN} or more`), `${to - from + 1} valves in a row on one side of the mean, from `, el("a", { href: points[from].href }, points[from].serial), " to ", el("a", { href: points[to].href }, points[to].serial)]),
+    ...first(wide, (i) => [rule("Moving range"), "the step to ", el("a", { href: ranges[i].href }, ranges[i].serial), ` is larger than the moving range allows: ${figure(ranges[i].value)}`]),
   ];
   return el("div", {},
     individualsChart({ points, lines, outside, label: `${level.title} of each valve with control limits`, yTitle: level.title }),

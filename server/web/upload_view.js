@@ -1,5 +1,5 @@
 // Upload: files or folders are dropped, grouped into valves, sent a few at a time, and their analyses followed.
-import { Problem, authorization, get } from "./api.js";
+import { Problem, authorization, get, post } from "./api.js";
 import { address, append, el, field, options } from "./dom.js";
 import { follow } from "./events.js";
 import { bytes, counted, isFinal, verdictMark } from "./format.js";
@@ -10,6 +10,7 @@ const ROWS_AT_ONCE = 40; // listed between two frames
 const HEAD_BYTES = 4096;
 const JSON_BYTES = 4e6; // a session of 40,000 samples
 const FILE = /\.(csv|txt|json|mat)(\.gz|\.zst)?$/i;
+const MAY_BE_REPEATED = ["failed", "poisoned", "cancelled"];
 const LABELS = ["serial", "lot", "valve_type", "stand"];
 const CONDITIONS = [["", "as the file says"], ["returned", "returned"], ["new", "new"], ["prototype", "prototype"], ["unknown", "unknown"]];
 
@@ -245,11 +246,15 @@ export async function showUpload({ signal }) {
     row.fixed(true);
     try {
       row.say("sending");
-      const submission = await send(group, { ...row.labels(), condition: condition.value }, (share) => row.progress(0.5 * share), signal);
+      const submission = group.failed ?? await send(group, { ...row.labels(), condition: condition.value }, (share) => row.progress(0.5 * share), signal);
+      if (group.failed) submission.job_id = (await post(`/v1/submissions/${submission.id}/reanalyze`)).id;
       row.say("queued");
       jobs.ended(submission, row).then((done) => {
         row.fill(done);
         row.end(...outcome(done));
+        // A fault that was not the file's: the server has the bytes, so that its analysis is started again.
+        group.failed = MAY_BE_REPEATED.includes(done.state) ? done : null;
+        row.retry.hidden = !group.failed;
       }, (error) => !signal.aborted && row.end(mistake(error)))
         .finally(() => showTotal(++ended));
     } catch (error) {
@@ -286,6 +291,7 @@ export async function showUpload({ signal }) {
       const row = groupRow(group, defaults);
       row.retry.addEventListener("click", () => {
         group.key = crypto.randomUUID();
+        if (group.failed) showTotal(--ended);
         waiting.push({ group, row });
         sendAll();
       });

@@ -151,8 +151,8 @@ class Page(unittest.TestCase):
         self.open("/upload", "Drop recordings here")
         self.browser.drop_files(".drop", [self.folder / "returned"])
         self.browser.wait_for_text("Upload 2 valves")
+        self.browser.wait_for_text("returned/EFC-A: 2 files")  # rows are drawn when they are seen
         text = self.browser.text()
-        self.assertIn("returned/EFC-A: 2 files", text)
         self.assertIn("2 files are no recordings (CSV, JSON or MAT) and were left out.", text)
         read = "[...document.querySelectorAll('input[aria-label^=\"{} of \"]')].map((input) => input.value).sort()"
         self.assertEqual(self.browser.run(read.format("serial")), ["EFC-A", "EFC-B"])
@@ -185,13 +185,36 @@ class Page(unittest.TestCase):
         self.browser.wait_for_text("Drop recordings here")
         self.browser.set_files("#choose-files", [packed, mat])
         self.browser.wait_for_text("Upload 2 valves")
-        self.assertIn("the server reads what this file says of itself", self.browser.text())
-        self.assertIn("enter its serial and lot here", self.browser.text())
+        self.browser.wait_for_text("the server reads what this file says of itself")
+        self.browser.wait_for_text("enter its serial and lot here")
         serial = "document.querySelector('input[aria-label=\"serial of packed.csv.zst\"]')"
         self.assertEqual(self.browser.run(f"{serial}.value"), "")
         self.browser.run("document.querySelector('button.primary').click()")
         self.browser.wait_for_text("2 of 2 valves have ended.")
         self.assertEqual(self.browser.run(f"[{serial}.value, {serial}.readOnly]"), ["EFC-ZST", True])
+        self.browser.open("about:blank")
+        server.end()
+
+    def test_an_analysis_that_ended_without_its_files_fault_may_be_started_again(self):
+        go = self.folder / "go"
+        file = self.folder / "held.csv"
+        file.write_text(recording("EFC-HELD", "2026-W43", complaint=f"wait {go}"))
+        (self.folder / "third").mkdir()
+        server = Server(SERVER, str(self.folder / "third"))
+        self.browser.open(f"{server.url}/#/upload")
+        self.browser.wait_for_text("Drop recordings here")
+        self.browser.set_files("#choose-files", [file])
+        self.browser.wait_for_text("Upload 1 valve")
+        self.browser.run("document.querySelector('button.primary').click()")
+        self.browser.wait_for_text("analysing")
+        server.post(f"/v1/jobs/{server.get('/v1/submissions')['items'][0]['job_id']}/cancel", {})
+        self.browser.wait_for_text("1 of 1 valve has ended.")
+        self.browser.wait_for_text("cancelled")
+        go.touch()
+        self.browser.run("document.querySelector('main table button').click()")
+        self.browser.wait_for_text("● Good EFC-HELD")
+        self.browser.wait_for_text("1 of 1 valve has ended.")
+        self.assertEqual(len(server.get("/v1/submissions")["items"]), 1)
         self.browser.open("about:blank")
         server.end()
 
@@ -288,6 +311,7 @@ class Page(unittest.TestCase):
         self.open("/lot/2026-W31-B", "Figures over time")
         self.assertEqual(self.browser.run("import('/web/lot_view.js').then((m) => m.runs([1, 5, 5, 5, 5, 5, 5, 5, 5, 1, 5], 3))"), [[1, 8]])
         self.assertEqual(self.browser.run("import('/web/lot_view.js').then((m) => m.runs([5, 5, 5, 5, 5, 5, 5, 1], 3))"), [])
+        self.assertEqual(self.browser.run("import('/web/lot_view.js').then((m) => m.runs(Array(12).fill(3), 3))"), [])  # on the mean is on no side
         self.assertEqual(self.browser.run("import('/web/chart.js').then((m) => m.ticks(0, 0.35))"), [0, 0.1, 0.2, 0.3])
         self.browser.run("""import('/web/lot_view.js').then((m) => {
           const errors = [10, 11, 10, 11, 10, 11, 10, 11, 10, 90];
@@ -297,9 +321,9 @@ class Page(unittest.TestCase):
           document.querySelector('main').replaceChildren(m.controlCharts(error, valves));
         })""")
         text = self.browser.text()
-        self.assertIn("S9 is outside the limits: 90.0", text)
-        self.assertIn("9 valves in a row on one side of the mean, from S0 to S8", text)
-        self.assertIn("the step to S9 is larger than the moving range allows: 80.0", text)
+        self.assertIn("Outside the limits: S9: 90.0", text)
+        self.assertIn("Run of 8 or more: 9 valves in a row on one side of the mean, from S0 to S8", text)
+        self.assertIn("Moving range: the step to S9 is larger than the moving range allows: 80.0", text)
         self.assertEqual(self.browser.run("document.querySelectorAll('.lot-chart .ring').length"), 2)
 
     def test_a_lot_charts_the_figures_of_its_frequency_responses(self):
