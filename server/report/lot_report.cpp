@@ -156,21 +156,20 @@ std::string patterns_part(const PatternsShown& patterns) {
                             patterns.groups.empty() ? "They are: " : "Like no other: ", joined(patterns.alone));
 }
 
-/// A stamp in RFC 3339 with a space where a narrow column may break it: "2026-08-03 09:12:44 UTC".
-std::string spaced(std::string stamp) {
+/// A stamp in RFC 3339 to the minute, with a space where a narrow column may break it: "2026-08-03 09:12".
+std::string to_the_minute(std::string stamp) {
   if (const auto at = stamp.find('T'); at != std::string::npos) stamp[at] = ' ';
-  if (stamp.ends_with('Z')) stamp.replace(stamp.size() - 1, 1, " UTC");
-  return stamp;
+  return stamp.substr(0, 16);
 }
 
 std::string valves_part(const LotReport& report) {
-  std::vector<Table::Column> columns{{"Serial"}, {"Received"}, {"Verdict"}, {"What is wrong"}};
+  std::vector<Table::Column> columns{{"Serial"}, {"Received (UTC)"}, {"Verdict"}, {"What is wrong"}};
   for (const LotReportLevel& level : report.levels) columns.push_back({fmt::format("{:.1f} A", level.level_a), true});
   columns.push_back({"Result (sha256)"});
   Table table(std::move(columns));
   for (const LotReportValve& valve : report.valves) {
     std::vector<std::string> cells{escaped(valve.serial.empty() ? "without serial" : valve.serial),
-                                   escaped(spaced(valve.received_at)),
+                                   escaped(to_the_minute(valve.received_at)),
                                    escaped(valve.verdict.empty() ? "–" : valve.verdict), escaped(what_is_wrong(valve))};
     for (const LotReportLevel& level : report.levels) {
       const auto error = valve.error_eq20.find(level.level_a);

@@ -10,8 +10,8 @@
 
 namespace valvetriage::report {
 
-/// One valve's binned residuals by the test they are of: "step, 20.0 s"; of several alike the later ones carry a number,
-/// in the order of their names.
+/// One valve's binned residuals by the test they are of: "step, 20.0 s"; of several alike the later ones carry a
+/// number, in the order of their names.
 using ValveResiduals = std::map<std::string, BinnedResidual>;
 
 /// Runs of a recording: of a 20 s test at 200 Hz 60 samples each, a time constant or two.

@@ -13,7 +13,8 @@ namespace valvetriage {
 /// to 5 significant digits, a bin without a valid sample as null.
 std::string residuals_to_json(const std::map<std::string, BinnedResidual>& residuals);
 
-/// Errors  those of parse_json; `wrong_type`, `missing_field`, `out_of_range` where it is not what residuals_to_json gave
+/// Errors  those of parse_json; `wrong_type`, `missing_field`, `out_of_range` where it is not what residuals_to_json
+/// gave
 Result<std::map<std::string, BinnedResidual>> residuals_from_json(std::string_view text);
 
 }  // namespace valvetriage

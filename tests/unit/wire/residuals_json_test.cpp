@@ -9,10 +9,9 @@ namespace valvetriage {
 namespace {
 
 TEST(ResidualsJson, KeepsFiveDigitsAndWhereNothingWasMeasured) {
-  BinnedResidual residual{
-      .value = Eigen::Vector3d(1.2345678, std::numeric_limits<double>::quiet_NaN(), -2e-7),
-      .time_s = {0.5, 1.5, 2.5},
-      .white_sd = 0.05};
+  BinnedResidual residual{.value = Eigen::Vector3d(1.2345678, std::numeric_limits<double>::quiet_NaN(), -2e-7),
+                          .time_s = {0.5, 1.5, 2.5},
+                          .white_sd = 0.05};
   const auto read = residuals_from_json(residuals_to_json({{"step, 3.0 s", residual}}));
   ASSERT_TRUE(read) << read.error().message;
   ASSERT_EQ(read->size(), 1u);
