@@ -1,5 +1,5 @@
 """The demonstration's lot through the page, as a quality engineer meets it: a real server with the real analyser, a
-reference learned from good valves of the virtual stand, and a lot of its returned valves.
+reference learned from good valves of the virtual stand, a rule base, and a lot of its returned valves.
 
 usage: demo_walk_test.py CHROMIUM VALVETRIAGE STAND [PICTURES]      PICTURES a folder for screenshots
 """
@@ -21,8 +21,11 @@ HERE = pathlib.Path(__file__).parent
 AXE = HERE / "node_modules/axe-core/axe.min.js"
 LOT = "2026-W31-B"
 HOSTILE = '<img src=x onerror="window.hacked=1">'
+LABELLED = HERE / "demo_labelled.csv"  # figures of the demonstration's labelled valves; README.md tells how it was made
 GOOD_VALVES = 8  # as in the demonstration
-ANALYSES_S = 1500  # fifteen sessions on a busy machine
+RETURNED = ("EFC-104201", "EFC-104202", "EFC-104204", "EFC-104205", "EFC-104206", "EFC-104208")  # of the demonstration's
+# fifteen: two good, a slow and a drifting one, and two that stick, one of them much
+ANALYSES_S = 1500  # eight sessions on a busy machine
 
 
 class RealServer:
@@ -73,6 +76,7 @@ class DemoWalk(unittest.TestCase):
         cls.server = RealServer(VALVETRIAGE, cls.folder)
         cls.addClassCleanup(cls.server.end)
         cls.server.post("/v1/valve-types/type-1/references", cls.folder / "reference.json")
+        cls.server.post("/v1/valve-types/type-1/rule-bases", cls.folder / "rules.json")
         cls.browser = chromium.Chromium(CHROMIUM)
         cls.browser.__enter__()
         cls.addClassCleanup(cls.browser.__exit__)
@@ -85,8 +89,12 @@ class DemoWalk(unittest.TestCase):
 
         run(STAND, "population", "--out", cls.folder / "good", "--valves", GOOD_VALVES)
         run(VALVETRIAGE, "reference", "learn", cls.folder / "good", "--valve-type", "type-1", "-o", cls.folder / "reference.json")
-        run(STAND, "lot", "--out", cls.folder / "lot", "--lot", LOT, "--truth", cls.folder / "truth.json")
-        cls.truth = {unit["session"]["serial"]: unit for unit in json.loads((cls.folder / "truth.json").read_text())}
+        window = json.loads((cls.folder / "reference.json").read_text())["window"]
+        run(VALVETRIAGE, "rule-base", "learn", LABELLED, "--name", "demo", "--rate-hz", window["rate_hz"], "--duration-s", window["duration_s"],
+            "-o", cls.folder / "rules.json")
+        run(STAND, "lot", "--out", cls.folder / "lot", "--lot", LOT, "--valves", 8, "--truth", cls.folder / "truth.json")
+        units = json.loads((cls.folder / "truth.json").read_text())
+        cls.truth = {unit["session"]["serial"]: unit for unit in units if unit["session"]["serial"] in RETURNED}
         steps = (cls.folder / "lot" / next(iter(cls.truth)) / "step_1.4A.csv").read_text()
         cls.hostile = cls.folder / "<img onerror>.csv"
         cls.hostile.write_text(re.sub(r"# serial: .*", f"# serial: {HOSTILE}", re.sub(r"# lot: .*", f"# lot: {HOSTILE}", steps)))
@@ -98,7 +106,7 @@ class DemoWalk(unittest.TestCase):
     @classmethod
     def upload_through_a_restart(cls):
         """Good files, a bad one and one with hostile names; the server is killed while the first are analysed."""
-        files = sorted((cls.folder / "lot").glob("*/*.csv"))
+        files = [file for serial in RETURNED for file in sorted((cls.folder / "lot" / serial).glob("*.csv"))]
         cls.browser.open(f"{cls.server.url}/#/upload")
         cls.browser.wait_for_text("Drop recordings here")
         cls.browser.set_files("#choose-files", [*files, cls.bad, cls.hostile])
@@ -139,7 +147,8 @@ class DemoWalk(unittest.TestCase):
         return next(row for row in rows if self.truth[row["serial"]]["kind"] == "sticking")
 
     def test_the_upload_tells_how_each_valve_ended_and_where_the_bad_file_is_wrong(self):
-        self.assertIn("no verdict EFC-104201", self.uploaded)  # there is no rule base
+        self.assertIn("● Good EFC-104201", self.uploaded)
+        self.assertIn("■ Severe EFC-104208", self.uploaded)
         self.assertIn("line 200, column 2 (current_A): 'n/a' is not a number", self.uploaded)
         self.assertEqual(self.server.get(f"/v1/lots/{LOT}")["analysed_valves"], len(self.truth))
 
@@ -154,12 +163,27 @@ class DemoWalk(unittest.TestCase):
         self.assertIn("breakaway_A", text)
         self.picture("walk-valve")
 
+    def test_a_verdict_shows_its_memberships_and_the_rules_that_fired(self):
+        # The large one of the two that stick.
+        self.open("/serial/EFC-104208", "Sessions of this serial")
+        self.browser.run("document.querySelector('main table a[href*=\"/valve/\"]').click()")
+        self.browser.wait_for_text("What the simulation gets wrong")
+        self.assertIn("■ Severe", self.browser.text())
+        bars = self.browser.run("""Object.fromEntries([...document.querySelectorAll('table.bars')].find((t) => t.caption.textContent.startsWith('Membership'))
+          .querySelectorAll('tr').values().map((row) => [row.cells[0].textContent, Number(row.cells[2].textContent)]))""")
+        self.assertEqual(list(bars), ["Good", "Malfunctioned", "Severe"])
+        self.assertEqual(max(bars, key=bars.get), "Severe")
+        self.browser.run("[...document.querySelectorAll('summary')].find((s) => s.textContent === 'Rules that fired').click()")
+        self.browser.wait_for_text("Rule base demo, version 1")
+        self.assertRegex(self.browser.text(), r"error is severe -> Severe – strength (0\.\d+|1\.0)")
+        self.picture("walk-verdict")
+
     def test_the_lot_leads_to_its_valves_and_tells_what_they_share(self):
         self.open(f"/lot/{LOT}", "What all valves share")
         self.browser.wait_for_text("without a settled cause, with")
         self.browser.wait("!document.body.innerText.includes('Comparing the residuals')")
         text = self.browser.text()
-        self.assertIn("16 valves in 16 sessions, 15 analysed", text)
+        self.assertIn(f"{len(RETURNED) + 1} valves in {len(RETURNED) + 1} sessions, {len(RETURNED)} analysed", text)
         self.assertRegex(text, r"q[ <0-9.]+\)")
         self.picture("walk-lot")
         self.browser.run("[...document.querySelectorAll('a')].find((a) => a.textContent === 'EFC-104208').click()")
