@@ -37,13 +37,16 @@ function levelTable(analysis) {
   ], levels, { caption: "Step response by current level, against the mean good valve", empty: "No recording steps to a known level." });
 }
 
+const PAPER_LEVELS = { low: 1.4, high: 1.6 }; // rule_base.schema.json
+const levelCurrent = (name) => PAPER_LEVELS[name] ?? Number(name);
+
 function ruleLists(classification) {
-  const levels = Object.entries(classification.per_level ?? {});
+  const levels = Object.entries(classification.per_level ?? {}).sort(([a], [b]) => levelCurrent(a) - levelCurrent(b));
   if (levels.length === 0) return null;
   const base = classification.rule_base;
   return el("details", {}, el("summary", {}, "Rules that fired"),
     levels.map(([name, level]) => [
-      el("h3", {}, `Level ${name}: `, verdictMark(level.verdict)),
+      el("h3", {}, `${levelCurrent(name).toFixed(1)} A${name in PAPER_LEVELS ? ` (${name})` : ""}: `, verdictMark(level.verdict)),
       el("ul", {}, level.rules.filter((rule) => rule.strength > 0)
         .map((rule) => el("li", {}, `${rule.rule} – strength ${figure(rule.strength, 2)}`)))]),
     base ? el("p", { class: "small" }, `Rule base ${base.name}, version ${base.version}, sha256 `, el("code", {}, base.sha256.slice(0, 12))) : null);
@@ -60,7 +63,7 @@ function verdictPart(analysis, summary) {
   const shown = Object.values(classification.memberships ?? {}).some((value) => value > 0);
   return section("Verdict",
     el("p", {}, el("span", { class: "big" }, verdictMark(classification.verdict)), " ", withoutFirstWord(summary.verdict, classification.verdict)),
-    el("div", { class: "columns" },
+    el("div", { class: shown ? "columns judged" : "columns" },
       shown ? membershipBars(classification.memberships, "Membership, worst level") : null,
       levelTable(analysis)),
     ruleLists(classification));

@@ -175,6 +175,8 @@ class DemoWalk(unittest.TestCase):
         self.assertEqual(max(bars, key=bars.get), "Severe")
         self.browser.run("[...document.querySelectorAll('summary')].find((s) => s.textContent === 'Rules that fired').click()")
         self.browser.wait_for_text("Rule base demo, version 1")
+        levels = self.browser.run("[...document.querySelectorAll('details[open] h3')].map((h) => h.textContent.split(':')[0])")
+        self.assertEqual(levels, ["1.2 A", "1.4 A (low)", "1.6 A (high)", "1.8 A", "2.0 A"])
         self.assertRegex(self.browser.text(), r"error is severe -> Severe – strength (0\.\d+|1\.0)")
         self.picture("walk-verdict")
 
