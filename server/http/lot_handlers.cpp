@@ -96,7 +96,11 @@ Result<report::LotReportValve> reported_valve(Store& store, const SubmissionRow&
                                .error_eq20 = {},
                                .engine_version = analysis->engine_version,
                                .settings_sha256 = analysis->settings_sha256,
-                               .result_sha256 = analysis->result_sha256};
+                               .result_sha256 = analysis->result_sha256,
+                               .inputs = {}};
+  const auto recordings = store.recordings_of(row.id);
+  if (!recordings) return tl::unexpected(recordings.error());
+  for (const RecordingRow& recording : *recordings) valve.inputs.emplace_back(recording.name, recording.sha256);
   const std::vector<CauseSummary> causes = settled_causes(row);
   for (std::size_t i = 0; i < causes.size(); ++i) {
     valve.names.push_back({causes[i].cause, causes[i].probability, q_values[i]});

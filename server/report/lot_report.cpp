@@ -182,6 +182,24 @@ std::string valves_part(const LotReport& report) {
          "<p class=\"small\">The error (Eq 20) by current level; of each hash the first 16 digits.</p>\n";
 }
 
+/// Of a larger lot the hashes stand in each valve's own report: here they would be a book.
+constexpr std::size_t kListedValves = 200;
+
+std::string inputs_part(const LotReport& report) {
+  if (report.valves.size() > kListedValves) {
+    return "<p>The hash of each input file stands in the report of its valve.</p>\n";
+  }
+  Table table({{"Serial"}, {"Name"}, {"sha256"}});
+  for (const LotReportValve& valve : report.valves) {
+    for (const auto& [name, sha256] : valve.inputs) {
+      table.add_row({escaped(valve.serial.empty() ? "without serial" : valve.serial), escaped(name),
+                     "<code>" + escaped(sha256) + "</code>"});
+    }
+  }
+  return table.markup() +
+         "<p class=\"small\">The same files, engine version and settings give the same result hashes.</p>\n";
+}
+
 std::string making_part(const LotReport& report) {
   std::set<std::string> makings;
   for (const LotReportValve& valve : report.valves) {
@@ -206,7 +224,8 @@ std::string lot_report_html(const LotReport& report) {
                               section("Sizes of the causes", sizes_markup(report.sizes)) +
                               section("Patterns that no cause explains", patterns_part(report.patterns)) +
                               section("What all valves share", shifts_part(report.shifts)) +
-                              section("Valves", valves_part(report)) + section("How it was made", making_part(report)));
+                              section("Valves", valves_part(report)) + section("How it was made", making_part(report)) +
+                              section("Input files", inputs_part(report)));
 }
 
 }  // namespace valvetriage::report

@@ -3,6 +3,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "server/report/cause_sizes.h"
@@ -25,6 +26,7 @@ struct LotReportValve {
   double likely_probability = 0;        ///< of it
   std::map<double, double> error_eq20;  ///< level in A → error
   std::string engine_version, settings_sha256, result_sha256;
+  std::vector<std::pair<std::string, std::string>> inputs{};  ///< name and SHA-256 of each recording
 };
 
 struct LotReportLevel {

@@ -46,7 +46,8 @@ async function show() {
   } catch (error) {
     if (signal.aborted) return;
     byId("message").textContent = error.message;
-    byId("view").replaceChildren(el("button", { type: "button", onclick: show }, "Try again"));
+    byId("view").replaceChildren(el("p", {}, el("button", { type: "button", onclick: show }, "Try again"), " or go to ",
+      el("a", { href: "#/valves" }, "all valves"), ", ", el("a", { href: "#/lots" }, "all lots"), "."));
   } finally {
     if (!signal.aborted) document.body.removeAttribute("aria-busy");
   }

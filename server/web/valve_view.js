@@ -177,6 +177,8 @@ function responsePart(analysis, recording) {
     features.length ? facts(features.map(([name, f]) => [featureWords(name)[0], `${quantity(f.value, f.unit)}${f.std_error ? ` ± ${quantity(f.std_error, f.unit)}` : ""}`])) : null);
 }
 
+const CLEARLY_MISSED = 1.5; // times the noise: more than good valves differ by
+
 /// The recordings, one of them drawn; the choice and the visible range stand in the address.
 function recordingsPart(submission, analysis, parameters, signal) {
   const summaries = new Map((analysis?.recordings ?? []).map((r) => [r.sha256, r]));
@@ -208,7 +210,15 @@ function recordingsPart(submission, analysis, parameters, signal) {
       keepInAddress({ recording: recording.id, from: null, to: null });
       draw(recording, null);
     } }));
-  const chosen = submission.recordings.find((r) => r.id === parameters.get("recording")) ?? submission.recordings.find((r) => summaries.get(r.sha256)?.test === "step") ?? submission.recordings[0];
+  // Without a choice the recording that the simulation misses most, where there is anything to see; else a step.
+  const missed = (recording) => {
+    const numbers = figures.get(recording.name);
+    return numbers && numbers.noise_floor > 0 ? numbers.rmse / numbers.noise_floor : 0;
+  };
+  const most = submission.recordings.reduce((worst, recording) => (missed(recording) > missed(worst) ? recording : worst), submission.recordings[0]);
+  const something = most && missed(most) > CLEARLY_MISSED;
+  const chosen = submission.recordings.find((r) => r.id === parameters.get("recording")) ?? (something ? most : null)
+    ?? submission.recordings.find((r) => summaries.get(r.sha256)?.test === "step") ?? submission.recordings[0];
   const range = parameters.has("from") ? { from: Number(parameters.get("from")), to: Number(parameters.get("to")) } : null;
   return {
     node: section("Recordings",

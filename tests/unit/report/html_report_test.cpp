@@ -83,7 +83,8 @@ LotReport small_lot() {
                     .error_eq20 = {{1.4, 3.2}},
                     .engine_version = "0.1.0",
                     .settings_sha256 = "aa",
-                    .result_sha256 = "0123456789abcdef0123"},
+                    .result_sha256 = "0123456789abcdef0123",
+                    .inputs = {{"step_1.4A.csv", "5feceb66ffc86f38"}, {"sweep.csv", "6b86b273ff34fce1"}}},
                    {.serial = "EFC-2",
                     .received_at = "2026-08-03T10:00:00Z",
                     .verdict = "Severe",
@@ -200,10 +201,21 @@ TEST(LotReport, ShowsTheSizesOfItsCausesAndThePatternsOfUnexplainedValves) {
   EXPECT_NE(html.find("Like no other: EFC-9."), std::string::npos);
 }
 
+TEST(LotReport, NamesTheInputsOfEachValveUnlessTheyWouldBeABook) {
+  LotReport report = small_lot();
+  const std::string html = lot_report_html(report);
+  EXPECT_NE(html.find("<td>sweep.csv</td><td><code>6b86b273ff34fce1</code></td>"), std::string::npos);
+  while (report.valves.size() <= 200) report.valves.push_back(report.valves.front());
+  const std::string large = lot_report_html(report);
+  EXPECT_EQ(large.find("6b86b273ff34fce1"), std::string::npos);
+  EXPECT_NE(large.find("The hash of each input file stands in the report of its valve."), std::string::npos);
+}
+
 TEST(LotReport, KeepsWhatAUserWroteAsText) {
   LotReport report = small_lot();
   report.patterns.alone[0] = report.patterns.groups[0].members[0] = kHostile;
   report.lot = report.valves[0].serial = report.valves[1].names[0].cause = kHostile;
+  report.valves[0].inputs[0].first = kHostile;
   EXPECT_EQ(lot_report_html(report).find("<img"), std::string::npos);
 }
 
