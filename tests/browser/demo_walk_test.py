@@ -5,6 +5,7 @@ usage: demo_walk_test.py CHROMIUM VALVETRIAGE STAND [PICTURES]      PICTURES a f
 """
 import base64
 import json
+import os
 import pathlib
 import re
 import subprocess
@@ -200,6 +201,24 @@ class DemoWalk(unittest.TestCase):
             pdf = base64.b64decode(self.browser.call("Page.printToPDF", printBackground=True)["data"])
             self.assertTrue(pdf.startswith(b"%PDF"))
             self.assertGreater(len(pdf), 20_000)
+
+    def report(self, *arguments, path=None):
+        """The verb `report` where Chromium is; `path` in place of it."""
+        here = f"{pathlib.Path(CHROMIUM).parent}{os.pathsep}{os.environ['PATH']}" if path is None else path
+        return subprocess.run([VALVETRIAGE, "report", *arguments, "--server", self.server.url], env={**os.environ, "PATH": here},
+                              stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, check=False)
+
+    def test_the_command_prints_reports_to_pdf_where_there_is_a_chromium_and_says_so_where_there_is_none(self):
+        file = self.folder / "report.pdf"
+        for subject in ((self.sticking()["id"],), ("--lot", LOT)):
+            said = self.report(*subject, "--pdf", "-o", file)
+            self.assertEqual((said.returncode, said.stderr), (0, ""))
+            self.assertTrue(file.read_bytes().startswith(b"%PDF"))
+            file.unlink()
+        said = self.report("--lot", LOT, "--pdf", "-o", file, path=str(self.folder))
+        self.assertNotEqual(said.returncode, 0)
+        self.assertIn("--pdf needs Chromium", said.stderr)
+        self.assertFalse(file.exists())
 
     def test_hostile_names_stay_text_on_every_page_that_shows_them(self):
         quoted = urllib.parse.quote(HOSTILE, safe="")
