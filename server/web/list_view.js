@@ -1,6 +1,7 @@
 // The list of valve sessions: filters, sorting, pages by cursor.
 import { allCauses, get, save } from "./api.js";
 import { address, el, field, options } from "./dom.js";
+import { follow } from "./events.js";
 import { causeCell, isFinal, spoken, time, verdictMark } from "./format.js";
 import { table } from "./table.js";
 
@@ -59,13 +60,34 @@ export async function showList({ parameters, signal }) {
   const empty = filtered ? "No valve fits these filters."
     : el("span", {}, "No valve has been tested yet. ", el("a", { href: "#/upload" }, "Upload its recordings"), " to begin.");
   const next = { ...chosen, cursor: page.next };
+  const rows = (items) => table(sessionColumns, items, { caption: "Test sessions, newest first", empty,
+    sort: new URLSearchParams(location.hash.split("?")[1]).get("sort") ?? "", keep: true });
+  const list = el("div", {}, rows(page.items));
+
+  /// While a session of this page has not ended, its row follows it. Rows that came since are left to the next visit, so
+  /// that nothing moves under the reader's hand.
+  async function followRows() {
+    let items = page.items;
+    const leave = new AbortController();
+    signal.addEventListener("abort", () => leave.abort(signal.reason));
+    await follow(async (changed) => {
+      const open = items.filter((row) => !isFinal(row.state) && (!changed || changed.has(row.job_id)));
+      const now = new Map(await Promise.all(open.map(async (row) => [row.id, await get(`/v1/submissions/${row.id}`, signal)])));
+      if (now.size > 0) {
+        items = items.map((row) => (now.has(row.id) ? { ...now.get(row.id), recordings: row.recordings } : row));
+        list.replaceChildren(rows(items));
+      }
+      if (items.every((row) => isFinal(row.state))) leave.abort(new DOMException("ended", "AbortError"));
+    }, leave.signal);
+  }
+
   const node = el("div", {},
     el("h1", {}, "Valves"),
     filterForm(chosen, causes),
-    table(sessionColumns, page.items, { caption: "Test sessions, newest first", empty, sort: chosen.sort ?? "", keep: true }),
+    list,
     el("p", { class: "pager" },
       page.items.length ? el("button", { type: "button", class: "link", onclick: () => save("valves.csv", `/v1/submissions?${query}&format=csv`) }, "these as CSV") : null,
       chosen.cursor ? el("a", { href: address("valves", null, { ...chosen, cursor: null }) }, "First page") : null,
       page.next ? el("a", { href: address("valves", null, next) }, "Next page") : null));
-  return { node, title: "Valves" };
+  return { node, title: "Valves", shown: () => page.items.some((row) => !isFinal(row.state)) && followRows().catch(() => {}) };
 }

@@ -51,6 +51,18 @@ class Restart(unittest.TestCase):
             browser.wait_for_text("1 of 1 valve has ended.")
             self.assertIn("● Good EFC-1", browser.text())
 
+    def test_the_row_of_a_list_follows_its_session_to_the_verdict(self):
+        with Chromium(CHROMIUM) as browser:
+            self.upload(browser)
+            browser.open("about:blank")
+            browser.open(f"{self.server.url}/#/valves?sort=Serial")
+            browser.wait_for_text("running")
+            self.kill_and_restart(browser)
+            (self.folder / "go").touch()
+            browser.wait("document.querySelector('main tbody tr').innerText.includes('● Good')")
+            self.assertEqual(browser.run("document.querySelector('main tbody tr').cells[5].textContent"), "1")
+            self.assertIn("Serial", browser.run("document.querySelector('th[aria-sort]').textContent"))
+
     def test_the_valve_that_is_waited_for_shows_its_result(self):
         with Chromium(CHROMIUM) as browser:
             self.upload(browser)
