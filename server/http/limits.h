@@ -51,8 +51,8 @@ inline constexpr std::size_t kMaxMarks = 2000;
 inline constexpr std::size_t kMaxNamedValves = 1000;
 /// Newest valves of a lot whose own fits are held against good valves: a second's reading.
 inline constexpr std::size_t kMaxShiftValves = 1000;
-/// Newest unexplained valves of a lot whose residuals are laid beside each other: two seconds and 150 MB where there are
-/// so many, measured. Of those whose analysis kept no residuals (it is of an earlier version) the newest few are
+/// Newest unexplained valves of a lot whose residuals are laid beside each other: two seconds and 150 MB where there
+/// are so many, measured. Of those whose analysis kept no residuals (it is of an earlier version) the newest few are
 /// simulated, a tenth of a second each; and good valves beside them.
 inline constexpr std::size_t kMaxPatternValves = 3000;
 inline constexpr std::size_t kMaxSimulatedValves = 40;

@@ -79,6 +79,27 @@ class Axe(Views):
                         self.assertEqual(self.violations(browser), [])
 
 
+    def test_axe_finds_nothing_on_an_upload_before_and_after(self):
+        with tempfile.TemporaryDirectory() as folder, Chromium(CHROMIUM) as browser:
+            (pathlib.Path(folder) / "data").mkdir()
+            server = Server(SERVER, str(pathlib.Path(folder) / "data"))
+            self.addCleanup(server.end)
+            files = [pathlib.Path(folder) / name for name in ("one.csv", "two.csv", "three.mat")]
+            for file in files:
+                file.write_text(recording(file.stem, LOT, bad_line=9 if file.stem == "two" else None))
+            browser.open(f"{server.url}/#/upload")
+            browser.wait_for_text("Drop recordings here")
+            browser.set_files("#choose-files", files)
+            browser.wait_for_text("Upload 3 valves")
+            browser.wait_for_text("three.mat")
+            self.assertEqual(self.violations(browser), [])
+            browser.run("document.querySelector('button.primary').click()")
+            browser.wait_for_text("3 of 3 valves have ended.")
+            self.assertEqual(self.violations(browser), [])
+            rows = browser.call("Accessibility.getFullAXTree")["nodes"]
+            self.assertEqual(sum(node.get("role", {}).get("value") == "row" for node in rows), 4)
+
+
 class Keyboard(Views):
     def test_no_view_is_wider_than_a_narrow_window(self):
         with Chromium(CHROMIUM, width=420) as browser:

@@ -2,6 +2,7 @@
 
 usage: page_test.py CHROMIUM SERVER [PICTURES]      SERVER is contract_http; PICTURES a folder for screenshots
 """
+import datetime
 import gzip
 import json
 import pathlib
@@ -84,6 +85,17 @@ class Page(unittest.TestCase):
         self.assertEqual(self.browser.run("document.querySelectorAll('tbody tr').length"), 2)
         self.picture("list")
 
+    def test_the_list_is_searched_by_serial_verdict_cause_and_date(self):
+        day = datetime.date.today()
+        before, after = day - datetime.timedelta(days=2), day + datetime.timedelta(days=2)  # whatever the time zone
+        for filters, rows in (("serial=EFC-104233", 1), ("verdict=Good", 2), ("verdict=Severe", 0), ("cause=friction", 2), ("cause=backlash", 0),
+                              (f"since={before}&until={after}", 3), (f"since={after}", 0), (f"until={before}", 0), ("lot=2026-W31-B&verdict=Good&cause=friction", 1)):
+            with self.subTest(filters=filters):
+                self.open(f"/valves?{filters}", "Received from")
+                self.browser.wait("!document.body.hasAttribute('aria-busy')")
+                self.assertEqual(self.browser.run("document.querySelectorAll('tbody tr').length"), rows)
+                self.assertEqual("No valve fits these filters." in self.browser.text(), rows == 0)
+
     def test_a_table_sorts_by_its_heads(self):
         self.open("/valves", "Test sessions")
         serials = "[...document.querySelectorAll('tbody tr td:nth-child(2)')].map((cell) => cell.innerText)"
@@ -134,6 +146,36 @@ class Page(unittest.TestCase):
         address = self.browser.run("location.hash")
         self.open_valve("EFC-104233", address[address.index("?"):])
         self.assertEqual(self.browser.run("location.hash"), address)
+
+    def test_dragging_over_one_chart_zooms_all_of_them(self):
+        self.open_valve("EFC-104233")
+        labels = "[...document.querySelectorAll('.chart')].map((chart) => [...chart.querySelectorAll('.dygraph-axis-label-x')].map((l) => l.textContent).join(' '))"
+        before = self.browser.run(labels)
+        self.assertEqual(len(before), 3)
+        self.assertEqual(len(set(before)), 1)
+        # The residual, below the output.
+        left, top, width = self.browser.run("""(() => {
+          const chart = document.querySelectorAll('.chart')[1];
+          chart.scrollIntoView({block: 'center'});
+          const box = chart.getBoundingClientRect();
+          return [box.x, box.y + box.height / 2, box.width];
+        })()""")
+        for kind, share, pressed in (("mousePressed", 0.4, 1), ("mouseMoved", 0.5, 1), ("mouseMoved", 0.6, 1), ("mouseReleased", 0.6, 0)):
+            self.browser.call("Input.dispatchMouseEvent", type=kind, x=left + share * width, y=top, button="left", buttons=pressed, clickCount=1)
+        self.browser.wait("location.hash.includes('from=')")
+        after = self.browser.run(labels)
+        self.assertEqual(len(set(after)), 1)
+        self.assertNotEqual(before, after)
+
+    def test_times_are_local_with_utc_on_hover(self):
+        received = self.session("EFC-104233")["received_at"]
+        self.browser.call("Emulation.setTimezoneOverride", timezoneId="Asia/Kolkata")
+        self.addCleanup(self.browser.call, "Emulation.setTimezoneOverride", timezoneId="")
+        self.open("/valves?serial=EFC-104233", "Test sessions")
+        shown, title = self.browser.run("(() => { const time = document.querySelector('td time'); return [time.textContent, time.title]; })()")
+        self.assertEqual(title, received.replace("T", " ").replace("Z", "") + " UTC")
+        local = datetime.datetime.fromisoformat(received.replace("Z", "+00:00")) + datetime.timedelta(hours=5, minutes=30)
+        self.assertIn(f":{local.minute:02}", shown)  # half an hour beside UTC
 
     def test_segments_and_quality_items_are_marked_where_they_are(self):
         self.open_valve("EFC-104233")
@@ -270,6 +312,9 @@ class Page(unittest.TestCase):
         text = self.browser.text()
         self.assertIn(f"lot 2026-W31-B: 1 valve; lot {HOSTILE}: 1 valve.", text)
         self.assertIn("too few", text)
+        good = [f"#/valves?{urllib.parse.urlencode({'lot': lot, 'verdict': 'Good'})}" for lot in ("2026-W31-B", HOSTILE)]
+        self.assertEqual(self.browser.run("[...document.querySelectorAll('main section td a')].slice(0, 2).map((a) => decodeURIComponent(a.hash))"),
+                         [urllib.parse.unquote(address) for address in good])
         self.assertIsNone(self.browser.run("document.querySelector('main img')"))
         self.picture("compare")
 
