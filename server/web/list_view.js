@@ -38,7 +38,7 @@ export const sessionColumns = [
   { title: "Stand", value: (row) => row.stand },
   { title: "Recordings", value: (row) => row.recordings, number: true },
   { title: "Verdict", value: (row) => (isFinal(row.state) ? row.verdict ?? row.state : row.state), show: verdictCell },
-  { title: "What is wrong", value: causeCell },
+  { title: "What is wrong", value: causeCell, words: true },
 ];
 
 function verdictCell(row) {

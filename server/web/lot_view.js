@@ -196,7 +196,7 @@ function valveTable(history) {
     { title: "Received", value: (valve) => valve.received_at, show: (valve) => time(valve.received_at) },
     { title: "Serial", value: (valve) => valve.serial, show: (valve) => el("a", { href: address("valve", valve.submission_id) }, valve.serial ?? "without serial") },
     { title: "Verdict", value: (valve) => valve.verdict, show: (valve) => verdictMark(valve.verdict) },
-    { title: "What is wrong", value: causesCell },
+    { title: "What is wrong", value: causesCell, words: true },
     ...figures,
   ], history.valves, { caption: "Valves, each by its newest result; the error (Eq 20) by level, then figures of the frequency response", empty: "No result yet." });
 }

@@ -12,7 +12,7 @@ function compare(a, b) {
 const FIRST_ROWS = 200; // of a long table, drawn at once; sorting is over all of them
 const MORE_ROWS = 1000;
 
-/// columns  {title, unit, value(row), show(row), number}: `value` sorts, `show` (else the value) is shown
+/// columns  {title, unit, value(row), show(row), number, words}: `value` sorts, `show` (else the value) is shown
 /// options  caption; empty: what stands there without rows; sort: "title" or "-title"; keep: the sort order stands in the
 ///          address; detail(row): class of the row
 export function table(columns, rows, { caption, empty = "Nothing here.", sort = "", keep = false, detail = () => null } = {}) {
@@ -43,7 +43,7 @@ export function table(columns, rows, { caption, empty = "Nothing here.", sort = 
       else heads[i].removeAttribute("aria-sort");
     });
     body.replaceChildren(...shown.slice(0, most).map((row) => el("tr", { class: detail(row) },
-      columns.map((c) => el("td", { class: c.number ? "number" : null }, c.show ? c.show(row) : c.value(row) ?? "–")))));
+      columns.map((c) => el("td", { class: c.number ? "number" : c.words ? "words" : null }, c.show ? c.show(row) : c.value(row) ?? "–")))));
   }
 
   function showRest() {

@@ -262,6 +262,11 @@ function failedPart(submission) {
     files.length ? el("ul", {}, files.map((r) => el("li", {}, `${r.name}: `, problemText(r.error)))) : null);
 }
 
+/// A later analysis that gave nothing: what is shown is the one before.
+function oldResultPart(job) {
+  return el("p", { class: "conclusion unexplained" }, el("strong", {}, `The newest analysis: ${job.state}.`), " ", problemText(job.error), " Shown is the result before it.");
+}
+
 function head(submission, analysis, again, status) {
   const name = submission.serial ?? "Valve without serial";
   const base = submission.links.self;
@@ -278,7 +283,7 @@ function head(submission, analysis, again, status) {
     facts([["Serial", submission.serial ? el("a", { href: address("serial", submission.serial) }, "history") : null],
       ["Lot", submission.lot ? el("a", { href: address("lot", submission.lot) }, submission.lot) : null], ["Type", submission.valve_type],
       ["Stand", submission.stand], ["Condition", submission.condition], ["Received", time(submission.received_at)],
-      ["Compared with", analysis?.baseline.reason]]),
+      ["Baseline", analysis?.baseline.reason]]),
     el("p", { class: "downloads" },
       analysis ? reportLink(name, `${base}/report`) : null,
       analysis ? el("button", { type: "button", class: "link", onclick: () => save(`${name}.json`, `${base}/analysis`) }, "analysis (JSON)") : null,
@@ -321,6 +326,7 @@ export async function showValve({ argument, parameters, signal, again }) {
     later.push(part.shown);
   };
   if (!isFinal(job.state)) add(waitingPart(submission, job, again, signal));
+  if (found && isFinal(job.state) && job.state !== "done") parts.push(oldResultPart(job));
   if (isFinal(submission.state) && !found) parts.push(failedPart(submission));
   if (found) parts.push(verdictPart(found.analysis, found.summary), discrepancyPart(found.analysis, found.summary, name));
   add(recordingsPart(submission, found?.analysis, parameters, signal));

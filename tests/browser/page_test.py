@@ -257,6 +257,15 @@ class Page(unittest.TestCase):
         self.browser.wait_for_text("● Good EFC-HELD")
         self.browser.wait_for_text("1 of 1 valve has ended.")
         self.assertEqual(len(server.get("/v1/submissions")["items"]), 1)
+        # A later analysis that gives nothing leaves the result standing, and the page says so.
+        go.unlink()
+        session = server.get("/v1/submissions")["items"][0]["id"]
+        job = server.post(f"/v1/submissions/{session}/reanalyze", {})
+        server.post(f"/v1/jobs/{job['id']}/cancel", {})
+        self.browser.open("about:blank")
+        self.browser.open(f"{server.url}/#/valve/{session}")
+        self.browser.wait_for_text("The newest analysis: cancelled. Shown is the result before it.")
+        self.assertIn("● Good", self.browser.text())
         self.browser.open("about:blank")
         server.end()
 
