@@ -35,12 +35,14 @@ TEST(ChildProtocol, GivesTheChildTheSpecAsItIs) {
 TEST(ChildProtocol, BringsTheResultBackOnOneLine) {
   NewAnalysis analysis = test::an_analysis("Severe", "leakage");
   analysis.body_json = "{\n  \"schema\": \"x\"\n}";
+  analysis.residuals_json = R"({"step, 2.0 s":{}})";
   const std::string line = done_line(analysis);
   EXPECT_EQ(line.find('\n'), line.size() - 1);
   const auto message = child_message_from(line);
   ASSERT_TRUE(message && message->done);
   EXPECT_EQ(message->done->summary, analysis.summary);
   EXPECT_EQ(message->done->body_json, analysis.body_json);
+  EXPECT_EQ(message->done->residuals_json, analysis.residuals_json);
   EXPECT_EQ(message->done->result_sha256, analysis.result_sha256);
 }
 
