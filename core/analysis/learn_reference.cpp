@@ -26,6 +26,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr Index kParameters = static_cast<Index>(kValveParameters.size());
+enum Parameter : Index { kFrequency, kDamping, kDelay };
 constexpr double kOutlierSignificance = 1e-3;
 // Default Eq 20 window: what every step of the population covers, but no more than a slow valve needs to settle.
 constexpr double kLongestWindow_s = 2.0;
@@ -127,6 +128,15 @@ void point_out_outliers(std::vector<Member>& members) {
   }
 }
 
+/// What a spool and its delay have in common at low frequencies: delay + 2 ζ / ωn.
+double whole_delay_s(const VectorXd& vector) {
+  return vector(kDelay) + 2 * std::exp(vector(kDamping) - vector(kFrequency));
+}
+
+/// Recordings may tell the whole delay of a valve far better than how it is shared between its parts. A population in
+/// which the parts vary independently lets the whole vary by as much as what one fit cannot tell, one in which the
+/// whole does ties parts together that have nothing to do with each other: whichever predicts each valve better from
+/// the others is taken. The change of coordinates keeps volumes, so their likelihoods compare.
 MatrixXd covariance_of(const std::vector<const Member*>& members, const std::vector<double>& knots) {
   MatrixXd vectors(members.front()->vector.size(), static_cast<Index>(members.size()));
   MatrixXd errors = MatrixXd::Zero(vectors.rows(), vectors.rows());
@@ -134,14 +144,31 @@ MatrixXd covariance_of(const std::vector<const Member*>& members, const std::vec
     vectors.col(static_cast<Index>(i)) = members[i]->vector;
     errors += members[i]->fit.covariance / static_cast<double>(members.size());
   }
-  return population_covariance(vectors, errors, kParameters, knots);
+  PopulationCovariance by_parts = population_covariance(vectors, errors, kParameters, knots);
+
+  double of_spool_s = 0;
+  for (Index i = 0; i < vectors.cols(); ++i) {
+    const double whole_s = whole_delay_s(vectors.col(i));
+    of_spool_s += (whole_s - vectors(kDelay, i)) / static_cast<double>(vectors.cols());
+    vectors(kDelay, i) = whole_s;
+  }
+  MatrixXd to_whole = MatrixXd::Identity(vectors.rows(), vectors.rows());
+  to_whole(kDelay, kDamping) = of_spool_s;
+  to_whole(kDelay, kFrequency) = -of_spool_s;
+  const PopulationCovariance by_whole =
+      population_covariance(vectors, to_whole * errors * to_whole.transpose(), kParameters, knots);
+  if (!(by_whole.log_likelihood > by_parts.log_likelihood)) return by_parts.covariance;
+  MatrixXd to_parts = MatrixXd::Identity(vectors.rows(), vectors.rows());
+  to_parts(kDelay, kDamping) = -of_spool_s;
+  to_parts(kDelay, kFrequency) = of_spool_s;
+  return to_parts * by_whole.covariance * to_parts.transpose();
 }
 
 Model model_of(const VectorXd& vector, const ValveFitOptions& options) {
   const VectorXd outputs = vector.tail(vector.size() - kParameters);
   const std::vector<double> values(outputs.data(), outputs.data() + outputs.size());
   const std::vector<double> weights(values.size(), 1.0);
-  return to_model(to_parameters(vector.head(kParameters), options.reference_psi),
+  return to_model(to_parameters(vector.head(kParameters), options.reference_psi, options.usual),
                   {options.knots, monotone_regression(values, weights)}, options.usual);
 }
 
@@ -215,18 +242,6 @@ Result<std::vector<LevelPopulation>> level_populations(const std::vector<Member>
   return levels;
 }
 
-/// How much good valves differ by what a law does, where it does what a parameter of theirs does: dry friction and play
-/// on the spool are its narrow loop, magnetic memory is its wide one. A dry friction F holds the spool over 2 F.
-double spread_of_own(const std::string& cause, const std::vector<PopulationParameter>& parameters) {
-  const auto sd = [&](std::string_view name) {
-    return std::find_if(parameters.begin(), parameters.end(), [&](const auto& p) { return p.name == name; })->sd;
-  };
-  if (cause == "friction") return 0.5 * sd("narrow_loop_width_A");
-  if (cause == "backlash") return sd("narrow_loop_width_A");
-  if (cause == "hysteresis") return std::hypot(sd("loop_width_A"), sd("narrow_loop_width_A"));
-  return 0;
-}
-
 /// What the engine sees in good valves, each against the population of the others: the scale of every later test.
 Result<void> survey_members(const std::vector<Member>& members, ValveFitOptions options, Reference& reference) {
   std::map<std::string, Running> evidence, size, leftover;
@@ -248,8 +263,7 @@ Result<void> survey_members(const std::vector<Member>& members, ValveFitOptions 
   for (const auto& [cause, values] : evidence) {
     // A cause that did not show in some valves had no evidence there.
     const double mean = values.mean * values.n / static_cast<double>(used.size());
-    reference.causes.push_back(
-        {cause, mean, size[cause].mean, std::hypot(size[cause].sd(), spread_of_own(cause, reference.parameters))});
+    reference.causes.push_back({cause, mean, size[cause].mean, size[cause].sd()});
   }
   for (const auto& [group, values] : leftover) reference.leftovers.push_back({group, values.mean, values.sd()});
   return {};

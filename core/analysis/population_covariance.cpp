@@ -142,8 +142,8 @@ LeaveOneOut leave_one_out(const MatrixXd& vectors, const MatrixXd& target, const
 
 }  // namespace
 
-MatrixXd population_covariance(const MatrixXd& vectors, const MatrixXd& errors, Index parameters,
-                               const std::vector<double>& knots) {
+PopulationCovariance population_covariance(const MatrixXd& vectors, const MatrixXd& errors, Index parameters,
+                                           const std::vector<double>& knots) {
   const Sample sample = sample_of(vectors);
   const MatrixXd target = target_covariance(sample, errors, parameters, knots);
   double best_shrinkage = 1;
@@ -154,7 +154,7 @@ MatrixXd population_covariance(const MatrixXd& vectors, const MatrixXd& errors, 
     best = tried;
     best_shrinkage = shrinkage;
   }
-  return best.scale * ((1 - best_shrinkage) * sample.covariance() + best_shrinkage * target);
+  return {best.scale * ((1 - best_shrinkage) * sample.covariance() + best_shrinkage * target), best.log_likelihood};
 }
 
 }  // namespace valvetriage

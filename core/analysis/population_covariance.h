@@ -21,7 +21,11 @@ namespace valvetriage {
 /// parameters  how many of the rows stand before the knots
 /// knots       inputs of the knots, p − parameters, evenly spaced [A]
 /// Source      shrinkage: Ledoit, Wolf, J. Multivariate Analysis 88 (2004) 365
-Eigen::MatrixXd population_covariance(const Eigen::MatrixXd& vectors, const Eigen::MatrixXd& errors,
-                                      Eigen::Index parameters, const std::vector<double>& knots);
+struct PopulationCovariance {
+  Eigen::MatrixXd covariance;
+  double log_likelihood = 0;  ///< of each valve from the others, up to a constant
+};
+PopulationCovariance population_covariance(const Eigen::MatrixXd& vectors, const Eigen::MatrixXd& errors,
+                                           Eigen::Index parameters, const std::vector<double>& knots);
 
 }  // namespace valvetriage

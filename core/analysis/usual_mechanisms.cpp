@@ -25,19 +25,20 @@ constexpr int kMostSteps = 8;
 constexpr int kRefitIterations = 3;
 constexpr double kEnough = 1.0;  // of the cost, of all valves: nothing turns on it
 constexpr double kLongestLag_samples = 4;
+constexpr double kLargestAirShare = 10;  // nearly all of the capacity is air: more shows no difference
 
 /// The shared parameters. The last share of the loop is what the others leave of 1.
-enum Shared : Index { kGauge, kSecondShare, kThirdShare, kShared };
+enum Shared : Index { kGauge, kSecondShare, kThirdShare, kAir, kShared };
 
 VectorXd vector_of(const UsualMechanisms& usual) {
   VectorXd u(static_cast<Index>(kShared));
-  u << usual.gauge_lag_s, usual.loop_shares[1], usual.loop_shares[2];
+  u << usual.gauge_lag_s, usual.loop_shares[1], usual.loop_shares[2], usual.air_share;
   return u;
 }
 
 UsualMechanisms usual_of(const VectorXd& u) {
   const double last = 1 - u(kSecondShare) - u(kThirdShare);
-  return {.gauge_lag_s = u(kGauge), .loop_shares = {0, u(kSecondShare), u(kThirdShare), last}};
+  return {.gauge_lag_s = u(kGauge), .air_share = u(kAir), .loop_shares = {0, u(kSecondShare), u(kThirdShare), last}};
 }
 
 constexpr std::array<Index, 2> kShares{kSecondShare, kThirdShare};
@@ -108,6 +109,7 @@ class Learner {
 
   VectorXd clamped(VectorXd u) const {
     u(kGauge) = std::clamp(u(kGauge), 0.0, kLongestLag_samples * period_s_);
+    u(kAir) = std::clamp(u(kAir), 0.0, kLargestAirShare);
     for (const Index j : kShares) u(j) = std::max(u(j), 0.0);
     // None of the shares is negative, the last neither.
     const double sum = u(kSecondShare) + u(kThirdShare);
@@ -172,8 +174,8 @@ Result<UsualMechanisms> learn_usual_mechanisms(std::span<const ValveRecordings> 
   }
   const Learner learner(some, options, period_s);
   Setting setting = learner.fitted(vector_of(options.usual), own, 0);
-  const std::array<Addition, 2> additions{
-      {{{kGauge}, {0.5 * period_s}}, {{kSecondShare, kThirdShare}, {1.0 / 3, 1.0 / 3}}}};
+  const std::array<Addition, 3> additions{
+      {{{kGauge}, {0.5 * period_s}}, {{kSecondShare, kThirdShare}, {1.0 / 3, 1.0 / 3}}, {{kAir}, {0.02}}}};
   std::vector<Index> free;
   for (const Addition& addition : additions) {
     VectorXd shared = setting.shared;

@@ -37,32 +37,48 @@ double noise_inflation(const Stack& residual) {
   return largest;
 }
 
-double consistent_evidence(const Stack& before, const Stack& after, double reduction, double weight) {
+double Evidence::as_normal() const {
+  if (!std::isfinite(freedoms)) return value;
+  const double factor = (8 * freedoms + 1) / (8 * freedoms + 3);
+  return exact + factor * factor * freedoms * std::log1p((value - exact) / freedoms);
+}
+
+Evidence Evidence::at_most(double reduction) const {
+  const double most = std::max(reduction, 0.0);
+  return {std::min(value, most), std::min(exact, most), freedoms};
+}
+
+Evidence consistent_evidence(const Stack& before, const Stack& after, double reduction, double weight) {
   double energy = 0, closed = 0;
   for (std::size_t r = 0; r < before.size(); ++r) {
     energy += (before[r] - after[r]).squaredNorm();
     closed += before[r].squaredNorm() - after[r].squaredNorm();
   }
   double scatter = energy;  // white noise of unit variance
+  double freedoms = std::numeric_limits<double>::infinity();
   for (const Index length : kScoreBlocks) {
-    double squares = 0;
+    double squares = 0, fourths = 0;
     for (std::size_t r = 0; r < before.size(); ++r) {
       for (Index first = 0; first < before[r].size(); first += length) {
         const Index count = std::min(length, before[r].size() - first);
         const auto left = after[r].segment(first, count);
         const double score = (before[r].segment(first, count) - left).dot(left);
         squares += score * score;
+        fourths += std::pow(score, 4);
       }
     }
-    scatter = std::max(scatter, squares);
+    if (squares <= scatter) continue;
+    scatter = squares;
+    freedoms = 3 * squares * squares / fourths * std::pow(squares / (squares - energy), 2);
   }
   const double of_samples = scatter > 0 ? weight * energy * energy / scatter : 0;
   const double owed_to_prior = std::max(0.0, reduction - weight * std::max(0.0, closed));
   // The samples hardly change: the law does what the valve's own parameters did, and only their distance from good
   // valves' speaks for it. How far that scatters, with whatever the simulation gets wrong, the good valves have told.
-  if (weight * energy < kBystanders * reduction) return owed_to_prior;
-  if (owed_to_prior <= of_samples) return of_samples + owed_to_prior;
-  return reduction * reduction / (weight * scatter + std::max(0.0, reduction - weight * energy));
+  if (weight * energy < kBystanders * reduction) return {owed_to_prior, owed_to_prior};
+  if (owed_to_prior <= of_samples) return {of_samples + owed_to_prior, owed_to_prior, freedoms};
+  const double together = reduction * reduction / (weight * scatter + std::max(0.0, reduction - weight * energy));
+  return {together, 0, freedoms};
 }
 
 Contrast contrast(const Stack& winner, const Stack& rival) {
@@ -86,15 +102,15 @@ Contrast contrast(const Stack& winner, const Stack& rival) {
   return contrast;
 }
 
-double good_valve_p_value(double reduction, Index freedoms, double noise_reduction, double good_valve_mean,
+double good_valve_p_value(const Evidence& evidence, Index freedoms, double noise_reduction, double good_valve_mean,
                           int good_valves) {
   const double k = static_cast<double>(freedoms);
   const double searched = std::max(0.0, noise_reduction - k);
-  const double beyond_search = reduction - searched;
+  const double beyond_search = evidence.as_normal() - searched;
   if (!(beyond_search > 0)) return 1;
   const boost::math::chi_squared noise(k);
   const double by_noise = boost::math::cdf(boost::math::complement(noise, beyond_search));
-  const double beyond_noise = reduction - std::max(0.0, noise_reduction - 1);
+  const double beyond_noise = evidence.value - std::max(0.0, noise_reduction - 1);
   if (!(beyond_noise > 0) || good_valves < 1) return by_noise;
   const double spread = std::max(0.0, good_valve_mean - noise_reduction);
   const boost::math::fisher_f population(1, good_valves);
@@ -102,10 +118,10 @@ double good_valve_p_value(double reduction, Index freedoms, double noise_reducti
   return std::max(by_noise, by_spread);
 }
 
-double size_p_value(double size_from_none, double mean_from_none, double sd, double reduction, int good_valves) {
-  if (!(reduction > 0) || good_valves < 2) return 1;
-  // A reduction is the square of size over error.
-  const double error = std::abs(size_from_none) / std::sqrt(reduction);
+double size_p_value(double size_from_none, double mean_from_none, double sd, double evidence, int good_valves) {
+  if (!(evidence > 0) || good_valves < 2) return 1;
+  // Evidence is the square of size over error.
+  const double error = std::abs(size_from_none) / std::sqrt(evidence);
   const double spread = sd * std::sqrt(1 + 1.0 / good_valves);
   const double total = std::hypot(spread, error);
   if (!(total > 0)) return 1;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <limits>
 #include <span>
 #include <string>
 #include <vector>
@@ -16,6 +17,19 @@ namespace valvetriage {
 /// Both a coloured noise and a simulation's own bias make evidence look stronger than it is by this factor.
 double noise_inflation(const Stack& whitened_residual);
 
+/// Evidence for a law in noise variances: the square of a score over its standard error.
+struct Evidence {
+  double value = 0;  ///< ≥ 0
+  double exact = 0;  ///< the part of it that is owed to the prior: no noise in it
+  /// How well the standard error is known, in degrees of freedom: infinite for white noise.
+  double freedoms = std::numeric_limits<double>::infinity();
+
+  /// What a normal deviate with the same tail as this Student t would have: Wallace, Ann. Math. Stat. 30 (1959) 1124.
+  double as_normal() const;
+  /// No more of it than the whole cost fell by; none of a cost that rose.
+  Evidence at_most(double reduction) const;
+};
+
 /// How firmly a signature s = before − after is there, whatever the noise's colour and wherever it is loud:
 ///
 ///   T = (Σ_b s_b·s_b)² / Σ_b (s_b·after_b)²
@@ -23,7 +37,9 @@ double noise_inflation(const Stack& whitened_residual);
 /// over blocks b of 1 to 256 samples, the least of them. For white noise of unit variance T is s·s, the reduction of
 /// the cost; where what is left beside the signature is coarser just where the signature lives (a jittering clock at
 /// the edges, a few lost samples, another law's leftover), T says so. The consistent variance of a score: White,
-/// Econometrica 48 (1980) 817; Newey and West, Econometrica 55 (1987) 703, here with blocks for lags.
+/// Econometrica 48 (1980) 817; Newey and West, Econometrica 55 (1987) 703, here with blocks for lags. Where more than
+/// white noise scatters, a few loud places may have told how much: T is then the square of a Student t (Bell and
+/// McCaffrey, Survey Methodology 28 (2002) 169; its freedoms by Satterthwaite, of the part beyond white noise).
 ///
 /// reduction  of the whole cost, of the samples that the rows stand for
 /// weight     samples that one row stands for
@@ -31,7 +47,7 @@ double noise_inflation(const Stack& whitened_residual);
 ///            the greater part, the samples that moved the valve away from the prior speak for it as well, and as
 ///            noisily: R² / (Σ_b (s_b·after_b)² + R − Σ_b s_b·s_b), R the reduction, the prior as data of its own
 ///            variance. Where the samples hardly change, the prior's part alone
-double consistent_evidence(const Stack& before, const Stack& after, double reduction, double weight);
+Evidence consistent_evidence(const Stack& before, const Stack& after, double reduction, double weight);
 
 /// Two explanations that both may be wrong, compared block by block: Vuong, Econometrica 57 (1989) 307.
 struct Contrast {
@@ -41,26 +57,25 @@ struct Contrast {
 Contrast contrast(const Stack& winner, const Stack& rival);
 
 /// Probability that a good valve seems to have as much of a cause: the larger of what noise and what the spread between
-/// good valves would do.
+/// good valves would do. In noise the evidence counts as what a normal deviate would have.
 ///
-///   noise   reduction − (kNoise − k) as χ² of k freedoms
-///   spread  (reduction − (kNoise − 1)) / s² as F of 1 and n freedoms,   s² = 1 + max(0, mean over good valves −
+///   noise   evidence − (kNoise − k) as χ² of k freedoms
+///   spread  (evidence − (kNoise − 1)) / s² as F of 1 and n freedoms,   s² = 1 + max(0, mean over good valves −
 ///   kNoise)
 ///
 /// Noise is known; the spread between valves is known from n of them alone, and n that show nothing do not say that
 /// there is none. `kNoise` is what noise alone gives after the search over the law's instants or frequencies, k the
 /// parameters.
 ///
-/// reduction  of the cost, over the noise's inflation
-double good_valve_p_value(double reduction, Eigen::Index freedoms, double noise_reduction, double good_valve_mean,
-                          int good_valves);
+double good_valve_p_value(const Evidence& evidence, Eigen::Index freedoms, double noise_reduction,
+                          double good_valve_mean, int good_valves);
 
 /// The same by the size of the effect, where good valves have a mean size: Student's t of
 /// (size − mean) / √(sd² (1 + 1/n) + error²), the error of the size known, sd from n valves.
 ///
 /// size_from_none  the size less that of no effect
 /// mean_from_none  the same of good valves' mean
-double size_p_value(double size_from_none, double mean_from_none, double sd, double reduction, int good_valves);
+double size_p_value(double size_from_none, double mean_from_none, double sd, double evidence, int good_valves);
 
 /// How slow a residual is, by groups of like samples: input at rest or moving, by thirds of the output's range.
 ///

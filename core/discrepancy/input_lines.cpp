@@ -174,7 +174,8 @@ CleanInputs without_aliased_lines(const LinearisedValve& fit, const ValveFitOpti
   for (const Tone& tone : strongest_tones(fit, kMostLines)) {
     if (!stands_in_input(fit.problem(), tone.frequency_hz)) continue;
     const auto line = line_behind(fit, options, tone.frequency_hz);
-    if (!line || std::min(line->verified, line->consistent_verified) < kInResidual) continue;
+    if (!line || line->consistent_verified.at_most(line->verified).as_normal() < kInResidual) continue;
+    const double evidence = line->consistent_verified.as_normal();
     if (clean.recordings.empty()) {
       for (std::size_t r = 0; r < fit.error().size(); ++r) clean.recordings.push_back(fit.problem().recording(r));
     }
@@ -195,8 +196,8 @@ CleanInputs without_aliased_lines(const LinearisedValve& fit, const ValveFitOpti
                              "ripple or dither folded back by the sampling; taken off before the simulation",
                              line->parameters[0], std::sqrt(squares), clean.recordings.front().input.unit),
          .where = "input",
-         .statistic = line->consistent_verified,
-         .p_value = boost::math::cdf(boost::math::complement(two, std::min(line->consistent_verified, 1400.0))),
+         .statistic = evidence,
+         .p_value = boost::math::cdf(boost::math::complement(two, std::min(evidence, 1400.0))),
          .share_of_structured_residual = std::numeric_limits<double>::quiet_NaN()});
   }
   return clean;

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/discrepancy/evidence.h"
-
 namespace valvetriage {
 namespace {
 
@@ -242,7 +240,7 @@ void try_in_place_of_own(Search& search, const LinearisedValve& fit, const std::
     found.residual = search.residual(moved, parameters);
     found.verified = std::max(verified, 0.0);
     found.consistent_verified = consistent_evidence(fit.error(), found.residual, found.verified, fit.weight());
-    found.consistent_reduction = promise;  // of the prior alone, which is free of noise
+    found.consistent_reduction = {promise, promise};
     if (verified > 0.5 * promise) break;
   }
 }

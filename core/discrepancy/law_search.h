@@ -3,22 +3,23 @@
 #include <optional>
 #include <vector>
 
+#include "core/discrepancy/evidence.h"
 #include "core/discrepancy/linearised_valve.h"
 
 namespace valvetriage {
 
 /// What a search for one law found.
 struct LawFit {
-  LawInFit law;                     ///< bounds, and where it acts
-  std::vector<double> parameters;   ///< shared ones, then each recording's own
-  std::vector<double> shape;        ///< parameters at which the law has an effect, even where none was found
-  double reduction = 0;             ///< of the whitened cost, everything the valve can absorb taken off, ≥ 0
-  double verified = 0;              ///< the same with the valve's own moves simulated too, ≥ 0
-  double consistent_reduction = 0;  ///< consistent_evidence of the forecast
-  double consistent_verified = 0;   ///< consistent_evidence of the simulation
-  Eigen::Index freedoms = 0;        ///< parameters fitted
-  Eigen::VectorXd baseline;         ///< the linearised fit's vector, moved to where it would be beside the law
-  Stack residual;                   ///< whitened, what is left beside the law
+  LawInFit law;                    ///< bounds, and where it acts
+  std::vector<double> parameters;  ///< shared ones, then each recording's own
+  std::vector<double> shape;       ///< parameters at which the law has an effect, even where none was found
+  double reduction = 0;            ///< of the whitened cost, everything the valve can absorb taken off, ≥ 0
+  double verified = 0;             ///< the same with the valve's own moves simulated too, ≥ 0
+  Evidence consistent_reduction;   ///< of the forecast
+  Evidence consistent_verified;    ///< of the simulation
+  Eigen::Index freedoms = 0;       ///< parameters fitted
+  Eigen::VectorXd baseline;        ///< the linearised fit's vector, moved to where it would be beside the law
+  Stack residual;                  ///< whitened, what is left beside the law
   int simulations = 0;
 };
 

@@ -134,6 +134,18 @@ void add_instants(const LinearisedValve& fit, const LawInFit& law, std::vector<L
   }
 }
 
+/// A law that acts at one of two places is searched at each of them: `ahead_of_map`, its last parameter, says where.
+void add_places(const LawInFit& law, const MechanismBounds& bounds, std::vector<LawVariant>& variants) {
+  for (const double place : {0.0, 1.0}) {
+    LawVariant variant{.law = law};
+    variant.law.lower.back() = variant.law.upper.back() = place;
+    for (const auto& start : bounds.starts) {
+      if (start.back() == place) variant.starts.push_back(start);
+    }
+    variants.push_back(std::move(variant));
+  }
+}
+
 void add_channels(const LinearisedValve& fit, const LawInFit& law, const MechanismBounds& bounds,
                   ValveCatalogue& catalogue) {
   const std::size_t channels = fit.problem().recording(0).side.size();
@@ -175,6 +187,8 @@ ValveCatalogue valve_catalogue(const LinearisedValve& fit, const ValveFitOptions
       add_hunting(fit, scales, law, catalogue.variants);
     } else if (mechanism->cause == "intermittent") {
       add_instants(fit, law, catalogue.variants);
+    } else if (mechanism->cause == "extra_lag") {
+      add_places(law, bounds, catalogue.variants);
     } else if (mechanism->cause == "side_input") {
       add_channels(fit, law, bounds, catalogue);
     } else {

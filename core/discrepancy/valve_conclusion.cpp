@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <boost/math/distributions/chi_squared.hpp>
 #include <boost/math/distributions/students_t.hpp>
 #include <cmath>
 #include <limits>
@@ -22,6 +23,8 @@ constexpr double kWorthNaming = 0.03;
 constexpr double kMostLeft = 0.25;
 // A residual at rest this many deviations slower than white noise is not white.
 constexpr double kWhiteAtRest = 5;
+// A tone whose strength differs between recordings by half of it, in the mean square, is no tone of the stand.
+constexpr double kUnevenTone = 0.25;
 // A cause that the prior carries, a delay or a gain, neither helps nor harms held-out recordings: this much by chance.
 constexpr double kMostHarm = 0.01;
 // Of a name whose extension leaves too much: as likely as not.
@@ -41,12 +44,21 @@ Leftover leftover_of(const LinearisedValve& linear, const ValveDiagnosisOptions&
   double smallest = 1;
   int groups = 0;
   const std::vector<LeftoverGroup> all_groups = leftover_groups(linear, 2 * options.fit.reference_psi);
-  if (std::isfinite(all_groups.front().own_log_ratio)) {
-    leftover.at_rest_deviations = all_groups.front().own_log_ratio / std::sqrt(2.0 / all_groups.front().blocks);
+  const auto on_good_valves = [&](const LeftoverGroup& group) {
+    return std::find_if(options.leftovers.begin(), options.leftovers.end(),
+                        [&](const LeftoverOnGoodValves& g) { return g.group == group.group; });
+  };
+  const LeftoverGroup& at_rest = all_groups.front();
+  if (std::isfinite(at_rest.own_log_ratio)) {
+    // Slow noise of the stand itself is there in good valves as well.
+    const auto good = on_good_valves(at_rest);
+    const double usual = good == options.leftovers.end() ? 0 : good->mean;
+    const double between = good == options.leftovers.end() ? 0 : good->sd;
+    leftover.at_rest_deviations =
+        (at_rest.own_log_ratio - usual) / std::hypot(between, std::sqrt(2.0 / at_rest.blocks));
   }
-  for (const LeftoverGroup& group : all_groups) {
-    const auto good = std::find_if(options.leftovers.begin(), options.leftovers.end(),
-                                   [&](const LeftoverOnGoodValves& g) { return g.group == group.group; });
+  for (const LeftoverGroup& group : std::span(all_groups).subspan(1)) {
+    const auto good = on_good_valves(group);
     if (!std::isfinite(group.log_ratio) || good == options.leftovers.end() || options.good_valves < 2) continue;
     ++groups;
     // ln of a mean of n squares scatters by √(2/n) in itself.
@@ -70,6 +82,28 @@ Leftover leftover_of(const LinearisedValve& linear, const ValveDiagnosisOptions&
   }
   leftover.p_value = groups > 0 ? std::min(1.0, smallest * groups) : 1;
   return leftover;
+}
+
+/// Whether a tone that should be the same in every recording is not: how strong each recording has it, over all of
+/// them together, and by more than noise.
+bool comes_and_goes(const Explanation& explanation, const Explanation& baseline) {
+  for (std::size_t l = 0; l < explanation.laws.size(); ++l) {
+    if (explanation.laws[l].law.law->cause != "periodic_disturbance") continue;
+    const Explanation others = explanation.laws.size() > 1 ? without(explanation, l, 0) : baseline.copy();
+    const Stack with = residual_at_rows(explanation), alone = residual_at_rows(others);
+    double energy = 0, deviation = 0;
+    for (std::size_t r = 0; r < with.size(); ++r) {
+      const Eigen::VectorXd tone = alone[r] - with[r];
+      const double own = tone.squaredNorm();
+      if (!(own > 0)) continue;
+      energy += own;
+      deviation += std::pow(tone.dot(with[r]), 2) / own;
+    }
+    const boost::math::chi_squared equal(static_cast<double>(with.size()));
+    const double p = boost::math::cdf(boost::math::complement(equal, deviation));
+    if (deviation > kUnevenTone * energy && p < kFalseAlarm) return true;
+  }
+  return false;
 }
 
 /// What the residual of the baseline depends on.
@@ -97,15 +131,29 @@ double family_probability(const std::vector<Ranked>& ranked, std::string_view fa
   return sum;
 }
 
+/// How far 95 of 100 good valves lie from their mean, of n that were measured: the excess over a good valve is known no
+/// better than that.
+double half_width95(const CauseOnGoodValves& good, int good_valves) {
+  if (good_valves < 2 || !(good.size_sd > 0)) return 0;
+  const boost::math::students_t student(good_valves - 1);
+  return boost::math::quantile(student, 0.975) * good.size_sd * std::sqrt(1 + 1.0 / good_valves);
+}
+
 void add_parameters(const Explanation& explanation, std::size_t l, std::span<const double> errors,
-                    const CauseOnGoodValves* good, NamedCause& named) {
+                    const ValveDiagnosisOptions& options, NamedCause& named) {
   const Mechanism& law = *explanation.laws[l].law.law;
+  const CauseOnGoodValves* good = on_good_valves(options.causes, law.cause);
   const std::vector<double> values = explanation.problem->law_parameters(explanation.v, l, 0);
   for (std::size_t j = 0; j < law.parameters.size(); ++j) {
-    ParameterEstimate estimate{.value = values[j], .std_error = errors[j], .unit = std::string(law.parameters[j].unit)};
-    estimate.ci95 = {estimate.value - kTwoSided95 * estimate.std_error,
-                     estimate.value + kTwoSided95 * estimate.std_error};
+    // A whole number is searched and not varied: no error comes with it.
+    const bool is_varied = explanation.laws[l].law.step[j] > 0;
+    ParameterEstimate estimate{
+        .value = values[j], .std_error = is_varied ? errors[j] : 0, .unit = std::string(law.parameters[j].unit)};
     const bool is_size = good && j == law.size_parameter;
+    const bool is_excess = is_size && std::isfinite(law.neutral);
+    const double half_width =
+        std::hypot(kTwoSided95 * estimate.std_error, is_excess ? half_width95(*good, options.good_valves) : 0);
+    estimate.ci95 = {estimate.value - half_width, estimate.value + half_width};
     estimate.population_mean = is_size ? good->size_mean : kUnknown;
     estimate.population_sd = is_size ? good->size_sd : kUnknown;
     if (is_size) {
@@ -130,7 +178,7 @@ NamedCause named_cause(const SearchedValve& searched, std::size_t l, bool explai
       named.evidence.push_back(
           fmt::format("lowers the cost by {:.0f} noise variances, {:.0f} of them borne out wherever it acts; in a good "
                       "valve p {:.2g}",
-                      r.reduction, r.evidence, place.p_value));
+                      r.reduction, r.evidence.value, place.p_value));
     } else if (r.probability >= kWorthNaming) {
       named.alternatives.push_back(r.cause);
     }
@@ -141,7 +189,7 @@ NamedCause named_cause(const SearchedValve& searched, std::size_t l, bool explai
         std::find_if(place.ranked.begin(), place.ranked.end(), [&](const Ranked& r) { return r.cause != named.cause; });
     if (next != place.ranked.end()) named.alternatives.push_back(next->cause);
   }
-  add_parameters(searched.explanation, l, errors, on_good_valves(options.causes, law.cause), named);
+  add_parameters(searched.explanation, l, errors, options, named);
   return named;
 }
 
@@ -271,7 +319,7 @@ std::vector<Candidate> candidates_of(const SearchedValve& searched, const Discre
   for (const Tested& tested : searched.first.survey.tested) {
     Candidate candidate{.cause = tested.cause(), .rmse_heldout = kUnknown};
     candidate.reason = fmt::format("evidence {:.1f} of {:.1f} promised, noise alone {:.1f}, in a good valve p {:.2g}",
-                                   tested.evidence, tested.promise, tested.noise_reduction, tested.p_value);
+                                   tested.evidence.value, tested.promise.value, tested.noise_reduction, tested.p_value);
     if (laws == 1 && candidate.cause == discrepancy.causes.front().cause) {
       candidate.rmse_heldout = discrepancy.gain.rmse_extended;
     }
@@ -279,7 +327,7 @@ std::vector<Candidate> candidates_of(const SearchedValve& searched, const Discre
       if (r.cause != candidate.cause) continue;
       if (laws == 1 && !is_unknown) candidate.probability = r.probability;
       if (r.fitted_jointly) {
-        candidate.reason += fmt::format("; {:.1f} of {:.1f} fitted together with the valve, p {:.2g}", r.evidence,
+        candidate.reason += fmt::format("; {:.1f} of {:.1f} fitted together with the valve, p {:.2g}", r.evidence.value,
                                         r.reduction, r.p_value);
       }
     }
@@ -325,7 +373,8 @@ ValveDiagnosis conclude(const SearchedValve& searched, const ValveDiagnosisOptio
   // A disturbance acts at rest as well: what it leaves there that is no white noise is not explained by it.
   const bool is_disturbed = std::any_of(explanation.laws.begin(), explanation.laws.end(),
                                         [](const LawFit& law) { return law.law.law->family == "disturbance"; });
-  const bool is_partial = is_disturbed && leftover.at_rest_deviations > kWhiteAtRest;
+  const bool is_partial =
+      (is_disturbed && leftover.at_rest_deviations > kWhiteAtRest) || comes_and_goes(explanation, searched.baseline);
   discrepancy.gain = measure_gain(searched.baseline, explanation);
   // What makes recordings that it was not fitted to worse is not what happened, however well it fits the others.
   const bool misleads = discrepancy.gain.reduction < -kMostHarm;

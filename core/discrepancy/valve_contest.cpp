@@ -42,6 +42,9 @@ constexpr double kFamilyMargin = 1 / 1.5;
 constexpr double kRivalShare = 0.25;
 constexpr double kRivalInGoodValves = 0.05;
 
+/// Entries of the parameter vector.
+constexpr Index kWideLoop = 3, kNarrowLoop = 7;
+
 /// The size of an explanation's last law.
 double size_in(const Explanation& explanation) {
   const std::size_t last = explanation.laws.size() - 1;
@@ -50,9 +53,20 @@ double size_in(const Explanation& explanation) {
   return at < parameters.size() ? parameters[at] : 1;
 }
 
-/// A reduction of the cost as evidence: no more of it than what is left allows.
-double evidence_of(double reduction, double consistent) {
-  return std::max(0.0, std::min(reduction, consistent));
+/// What compares with good valves: dry friction, play and magnetic memory do what the valve's own loops do, and a law
+/// of them may stand in the place of those. Its size is then that of both beyond a good valve's; a dry friction F holds
+/// the spool over 2 F.
+double with_own(const Mechanism& law, double size, const VectorXd& v, const ValveFitOptions& options) {
+  if (!options.prior || law.family != "memory") return size;
+  const double wide = v(kWideLoop) - options.prior->mean(kWideLoop);
+  const double narrow = v(kNarrowLoop) - options.prior->mean(kNarrowLoop);
+  if (law.cause == "friction") return size + 0.5 * narrow;
+  if (law.cause == "backlash") return size + narrow;
+  return size + wide + narrow;
+}
+
+double size_beyond_good(const Tested& tested, const ValveFitOptions& options) {
+  return with_own(*tested.fit.law.law, tested.size(), tested.fit.baseline, options);
 }
 
 /// Searching over s starting points costs 2 ln s of a likelihood ratio.
@@ -69,8 +83,8 @@ double searched_reduction(const Tested& tested) {
 }
 
 /// Five standard errors, the search paid for.
-bool is_beyond_noise(const Tested& tested, double evidence) {
-  return evidence - searched_reduction(tested) >= kLeastEvidence;
+bool is_beyond_noise(const Tested& tested, const Evidence& evidence) {
+  return evidence.value - searched_reduction(tested) >= kLeastEvidence;
 }
 
 /// How far from no effect a size is. A limit, a level or a frequency has none at infinity: its inverse counts.
@@ -85,16 +99,16 @@ Size size_of(const Mechanism& law, double size, double sd) {
 
 /// The size of a law in a good valve where the recordings tell of it: none where its evidence is what noise gives, by
 /// five standard errors where it could stand at any instant, tone or level.
-double size_told(const Tested& tested, double evidence, double size) {
+double size_told(const Tested& tested, const Evidence& evidence, double size) {
   const double neutral = tested.fit.law.law->neutral;
   const bool is_short = std::isfinite(neutral) && searched_reduction(tested) < kLongSearch;
-  const bool is_told = is_beyond_noise(tested, evidence) || (is_short && evidence > tested.noise_reduction);
+  const bool is_told = is_beyond_noise(tested, evidence) || (is_short && evidence.as_normal() > tested.noise_reduction);
   return is_told ? size : neutral;
 }
 
 /// By the evidence or by the size, whichever tells more; two tests are paid for. What good valves show at this size as
 /// well is no fault, however surely it is there.
-double p_value_of(const Tested& tested, double evidence, double size, const ValveDiagnosisOptions& options) {
+double p_value_of(const Tested& tested, const Evidence& evidence, double size, const ValveDiagnosisOptions& options) {
   const CauseOnGoodValves* good = on_good_valves(options.causes, tested.cause());
   const double by_evidence = good_valve_p_value(evidence, tested.fit.freedoms, tested.noise_reduction,
                                                 good ? good->evidence_mean : 0, options.good_valves);
@@ -105,8 +119,8 @@ double p_value_of(const Tested& tested, double evidence, double size, const Valv
   if (!has_size) return by_evidence;
   const Size own = size_of(*tested.fit.law.law, size, 0);
   const Size usual = size_of(*tested.fit.law.law, good->size_mean, good->size_sd);
-  const double by_size = size_p_value(own.from_none, usual.from_none, usual.sd, evidence - searched_reduction(tested),
-                                      options.good_valves);
+  const double by_size = size_p_value(own.from_none, usual.from_none, usual.sd,
+                                      evidence.value - searched_reduction(tested), options.good_valves);
   if (by_size > kLikeGoodValves) return 1;
   return std::min(1.0, 2 * std::min(by_evidence, by_size));
 }
@@ -123,13 +137,13 @@ VectorXd at_population_mean(const Explanation& explanation) {
 void keep_better(Survey other, double offset, Survey& survey) {
   for (Tested& there : other.tested) {
     there.fit.verified = std::max(0.0, there.fit.verified + offset);
-    there.evidence = evidence_of(there.fit.verified, there.fit.consistent_verified);
+    there.evidence = there.fit.consistent_verified.at_most(there.fit.verified);
     const auto here = std::find_if(survey.tested.begin(), survey.tested.end(),
                                    [&](const Tested& t) { return t.cause() == there.cause(); });
     if (here == survey.tested.end()) {
       survey.tested.push_back(std::move(there));
     } else if (there.fit.verified > here->fit.verified ||
-               (there.fit.verified == here->fit.verified && there.promise > here->promise)) {
+               (there.fit.verified == here->fit.verified && there.promise.value > here->promise.value)) {
       *here = std::move(there);
     }
   }
@@ -139,16 +153,17 @@ void keep_better(Survey other, double offset, Survey& survey) {
 /// that promises far less than the best.
 std::vector<const Tested*> in_the_race(const Survey& survey, const ValveDiagnosisOptions& options) {
   const double laws = static_cast<double>(survey.tested.size());
-  const auto forecast = [](const Tested* tested) { return std::max(tested->evidence, tested->promise); };
+  const auto forecast = [](const Tested* tested) { return std::max(tested->evidence.value, tested->promise.value); };
   std::vector<const Tested*> racing;
   for (const Tested& tested : survey.tested) {
-    if (p_value_of(tested, forecast(&tested), tested.size(), options) * laws <= kFalseAlarm) racing.push_back(&tested);
+    if (p_value_of(tested, {forecast(&tested)}, size_beyond_good(tested, options.fit), options) * laws <= kFalseAlarm)
+      racing.push_back(&tested);
   }
   std::stable_sort(racing.begin(), racing.end(),
                    [&](const Tested* a, const Tested* b) { return forecast(a) > forecast(b); });
   if (racing.size() > kMostJointFits) racing.resize(kMostJointFits);
   while (!racing.empty() && forecast(racing.back()) < kLeastForecast * forecast(racing.front()) &&
-         racing.back()->evidence < racing.front()->evidence - 2 * kInTheRace) {
+         racing.back()->evidence.value < racing.front()->evidence.value - 2 * kInTheRace) {
     racing.pop_back();
   }
   return racing;
@@ -298,10 +313,11 @@ Ranked ranked_fit(const Tested& tested, double cost_beside, const Stack& error, 
   Ranked r{.cause = tested.cause(), .fitted_jointly = true};
   r.reduction = cost_beside - fitted.cost;
   r.residual = residual_at_rows(fitted);
-  r.evidence = evidence_of(r.reduction, consistent_evidence(error, r.residual, r.reduction, contest.weight));
+  r.evidence = consistent_evidence(error, r.residual, r.reduction, contest.weight).at_most(r.reduction);
   r.log_likelihood = rank_of(tested, r.reduction, options.causes, contest.inflation, contest.samples);
   r.penalty = fitted.cost - contest.weight * squares_of(r.residual);
-  r.p_value = p_value_of(tested, r.evidence, size_in(fitted), options);
+  const double size = with_own(*tested.fit.law.law, size_in(fitted), fitted.v, options.fit);
+  r.p_value = p_value_of(tested, r.evidence, size, options);
   r.stands_out = is_beyond_noise(tested, r.evidence) && laws * r.p_value <= kFalseAlarm;
   return r;
 }
@@ -360,7 +376,7 @@ Survey survey_all(const LinearisedValve& linear, const Explanation& beside, bool
     keep_better(survey_laws(mean, *beside.options), beside.cost - mean.cost(), survey);
   }
   for (Tested& tested : survey.tested) {
-    tested.p_value = p_value_of(tested, tested.evidence, tested.size(), options);
+    tested.p_value = p_value_of(tested, tested.evidence, size_beyond_good(tested, options.fit), options);
   }
   return survey;
 }
@@ -405,8 +421,8 @@ Survey survey_laws(const LinearisedValve& fit, const ValveFitOptions& options) {
   std::stable_sort(survey.tested.begin(), survey.tested.end(),
                    [](const Tested& a, const Tested& b) { return a.fit.reduction > b.fit.reduction; });
   for (Tested& tested : survey.tested) {
-    tested.evidence = evidence_of(tested.fit.verified, tested.fit.consistent_verified);
-    tested.promise = evidence_of(tested.fit.reduction, tested.fit.consistent_reduction);
+    tested.evidence = tested.fit.consistent_verified.at_most(tested.fit.verified);
+    tested.promise = tested.fit.consistent_reduction.at_most(tested.fit.reduction);
   }
   return survey;
 }
@@ -485,32 +501,45 @@ GoodValveSurvey survey_good_valve(std::span<const Recording> recordings, const V
   const LinearisedValve linear(*nothing.problem, nothing.v);
   Survey survey = survey_laws(linear, *nothing.options);
   // As a diagnosis does it: those that promise most are fitted together with the valve.
-  const auto forecast = [](const Tested& tested) { return std::max(tested.evidence, tested.promise); };
+  const auto forecast = [](const Tested& tested) { return std::max(tested.evidence.value, tested.promise.value); };
   std::stable_sort(survey.tested.begin(), survey.tested.end(),
                    [&](const Tested& a, const Tested& b) { return forecast(a) > forecast(b); });
   GoodValveSurvey seen;
   for (std::size_t i = 0; i < survey.tested.size(); ++i) {
     const Tested& tested = survey.tested[i];
-    double evidence = tested.evidence, size = tested.size();
+    const Mechanism& law = *tested.fit.law.law;
+    Evidence evidence = tested.evidence;
+    double size = tested.size();
+    VectorXd valve = tested.fit.baseline;
     // A forecast that the simulation bears out needs no fit of everything together. A law of memory does: the valve's
     // own loop can take its place, which no forecast sees.
-    const bool is_open =
-        i < kGoodValveJointFits && forecast(tested) > kLeastEvidence && tested.evidence < 0.5 * tested.promise;
-    if (is_open || tested.fit.law.law->family == "memory") {
+    const bool is_open = i < kGoodValveJointFits && forecast(tested) > kLeastEvidence &&
+                         tested.evidence.value < 0.5 * tested.promise.value;
+    if (is_open || law.family == "memory") {
       const std::vector<JointStart> starts{{nothing.v, tested.fit.shape}};
       const Explanation fitted = extend(nothing, tested.fit, kJointSteps, nothing.cost, starts);
       const Stack left = residual_at_rows(fitted);
       const double reduction = std::max(0.0, nothing.cost - fitted.cost);
-      const double found =
-          evidence_of(reduction, consistent_evidence(linear.error(), left, reduction, linear.weight()));
-      if (found > evidence) {
+      const Evidence found = consistent_evidence(linear.error(), left, reduction, linear.weight()).at_most(reduction);
+      if (found.value > evidence.value) {
         evidence = found;
         size = size_in(fitted);
+        valve = fitted.v;
       }
     }
-    seen.causes.push_back({tested.cause(), evidence, size_told(tested, evidence, size)});
+    if (const double told = size_told(tested, evidence, size); told == size) {
+      size = with_own(law, size, valve, options);
+    } else {
+      size = with_own(law, told, nothing.v, options);
+    }
+    seen.causes.push_back({tested.cause(), evidence.value, size});
   }
-  for (const LeftoverGroup& group : leftover_groups(linear, 2 * options.reference_psi)) {
+  const std::vector<LeftoverGroup> groups = leftover_groups(linear, 2 * options.reference_psi);
+  // The group that the others are measured against has its own slowness.
+  if (std::isfinite(groups.front().own_log_ratio)) {
+    seen.leftovers.emplace_back(groups.front().group, groups.front().own_log_ratio);
+  }
+  for (const LeftoverGroup& group : std::span(groups).subspan(1)) {
     if (std::isfinite(group.log_ratio)) seen.leftovers.emplace_back(group.group, group.log_ratio);
   }
   return seen;

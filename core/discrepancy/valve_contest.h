@@ -15,8 +15,8 @@ namespace valvetriage {
 struct Tested {
   LawFit fit;
   std::vector<std::vector<double>> starts;  ///< of the search
-  double evidence = 0;                      ///< verified reduction, no more than is consistent
-  double promise = 0;                       ///< the same of the linear forecast
+  Evidence evidence;                        ///< verified reduction, no more than is consistent
+  Evidence promise;                         ///< the same of the linear forecast
   double noise_reduction = 0;               ///< what noise alone would give after the search
   double p_value = 1;  ///< of the evidence or the size in a good valve; one law, not all of them together
 
@@ -36,7 +36,7 @@ struct Ranked {
   std::string cause;
   double log_likelihood = 0;
   double reduction = 0;  ///< of the cost
-  double evidence = 0;   ///< no more of it than is consistent
+  Evidence evidence;     ///< no more of it than is consistent
   double p_value = 1;    ///< of its evidence and size in a good valve, one law alone
   Stack residual;        ///< whitened, what is left beside it
   double penalty = 0;    ///< of the cost, what is not in the residual

@@ -39,7 +39,7 @@ Model Explanation::model() const {
   const VectorXd knots = v.segment(ValveFitProblem::kParameters, problem->knots());
   std::vector<double> outputs(knots.data(), knots.data() + knots.size());
   outputs = monotone_regression(outputs, std::vector<double>(outputs.size(), 1.0));
-  Model model = to_model(to_parameters(v.head(ValveFitProblem::kParameters), options->reference_psi),
+  Model model = to_model(to_parameters(v.head(ValveFitProblem::kParameters), options->reference_psi, options->usual),
                          KnotCurve(options->knots).rising_through(outputs), options->usual);
   for (std::size_t l = 0; l < options->laws.size(); ++l) {
     const LawInFit& law = options->laws[l];

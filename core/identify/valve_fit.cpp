@@ -22,7 +22,7 @@ constexpr double kBeyondEnd = 0.25;  // of a spacing
 
 /// Where the search begins: the population's mean, a given point, or a fan of speeds.
 std::vector<ValveParameters> starting_points(const ValveFitOptions& options, std::span<const Recording> recordings) {
-  if (options.prior) return {to_parameters(options.prior->mean, options.reference_psi)};
+  if (options.prior) return {to_parameters(options.prior->mean, options.reference_psi, options.usual)};
   if (options.start) return {*options.start};
   const double period = recordings.front().sample_period_s;
   std::vector<ValveParameters> fan;
@@ -122,13 +122,14 @@ VectorXd to_vector(const ValveParameters& parameters) {
   return v;
 }
 
-ValveParameters to_parameters(const VectorXd& v, double reference_psi) {
+ValveParameters to_parameters(const VectorXd& v, double reference_psi, const UsualMechanisms& usual) {
   return {.spool = {.delay_s = v(2), .natural_frequency_rad_s = std::exp(v(0)), .damping_ratio = std::exp(v(1))},
           .loop_width_a = v(3),
           .volume = {.time_constant_s = std::exp(v(4)),
                      .exponent = v(5),
                      .supply_psi = std::exp(v(6)),
-                     .reference_psi = reference_psi},
+                     .reference_psi = reference_psi,
+                     .air_share = usual.air_share},
           .narrow_loop_width_a = v(7)};
 }
 
@@ -172,7 +173,7 @@ Result<ValveFit> fit_valve(std::span<const Recording> recordings, const ValveFit
   const MatrixXd inverse = problem.linearise(best.v).a.ldlt().solve(MatrixXd::Identity(problem.size(), problem.size()));
   fit.covariance = inverse.topLeftCorner(problem.baseline_size(), problem.baseline_size());
   make_monotone(best.v, fit.covariance, ValveFitProblem::kParameters, problem.knots());
-  fit.parameters = to_parameters(best.v.head(ValveFitProblem::kParameters), options.reference_psi);
+  fit.parameters = to_parameters(best.v.head(ValveFitProblem::kParameters), options.reference_psi, options.usual);
   fit.vector = best.v;
   const VectorXd knots = best.v.segment(ValveFitProblem::kParameters, problem.knots());
   fit.map = {options.knots, std::vector<double>(knots.data(), knots.data() + knots.size())};
@@ -207,7 +208,8 @@ Model to_model(const ValveParameters& parameters, const StaticMap& map, const Us
   model.dynamics = to_transfer_function(parameters.spool);
   model.map = map;
   model.volume = parameters.volume;
-  if (usual.gauge_lag_s > 0) model.mechanisms.push_back({.cause = "extra_lag", .parameters = {usual.gauge_lag_s}});
+  model.volume->air_share = usual.air_share;
+  if (usual.gauge_lag_s > 0) model.mechanisms.push_back({.cause = "extra_lag", .parameters = {usual.gauge_lag_s, 0}});
   return model;
 }
 
@@ -218,6 +220,7 @@ UsualMechanisms usual_mechanisms(const Model& model) {
     for (std::size_t k = 1; k < usual.loop_shares.size(); ++k) usual.loop_shares[k] = model.loop->shares[k] / wide;
   }
   const bool has_gauge = !model.mechanisms.empty() && model.mechanisms.front().cause == "extra_lag";
+  if (model.volume) usual.air_share = model.volume->air_share;
   if (has_gauge) usual.gauge_lag_s = model.mechanisms.front().parameters.front();
   return usual;
 }

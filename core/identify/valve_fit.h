@@ -40,10 +40,6 @@ inline constexpr std::array<ValveParameterInfo, 8> kValveParameters{{{"natural_f
                                                                      {"supply_psi", "psi", true},
                                                                      {"narrow_loop_width_A", "A", false}}};
 
-/// To the vector's first entries, logarithms taken, and back. `reference_psi` is where the time constant holds.
-Eigen::VectorXd to_vector(const ValveParameters& parameters);
-ValveParameters to_parameters(const Eigen::VectorXd& vector, double reference_psi);
-
 /// What is known of a valve before it is measured: mean and covariance over [parameters | knot outputs].
 struct ValvePrior {
   Eigen::VectorXd mean;        ///< p
@@ -57,9 +53,14 @@ ValvePrior population_prior(Eigen::VectorXd mean, Eigen::MatrixXd covariance, do
 /// fitted. Nothing by default.
 struct UsualMechanisms {
   double gauge_lag_s = 0;  ///< first-order lag of the gauge, ≥ 0 [s]
+  double air_share = 0;    ///< of the volume's capacity at the reference pressure, ≥ 0
   /// Shape of the magnetic loop: how its width is shared, without the narrowest, which is a parameter of each valve.
   MagneticLoop::Shares loop_shares{0, 1.0 / 3, 1.0 / 3, 1.0 / 3};
 };
+
+/// To the vector's first entries, logarithms taken, and back. `reference_psi` is where the time constant holds.
+Eigen::VectorXd to_vector(const ValveParameters& parameters);
+ValveParameters to_parameters(const Eigen::VectorXd& vector, double reference_psi, const UsualMechanisms& usual);
 
 /// Both loops of a valve as one.
 MagneticLoop loop_of(const ValveParameters& parameters, const UsualMechanisms& usual, double memory = 0);
@@ -74,6 +75,8 @@ struct LawInFit {
   /// Parameters that all recordings share, and those that each has its own of.
   std::size_t own() const { return law->own_per_recording; }
   std::size_t shared() const { return law->parameters.size() - own(); }
+  /// What decides it is a whole number, which a fit does not vary.
+  bool acts_in_blocks_alone() const { return law->acts_in_blocks_alone(lower); }
 };
 
 struct ValveFitOptions {

@@ -37,6 +37,13 @@ Index nearest_knot(const std::vector<double>& knots, double input) {
   return std::clamp<Index>(std::lround((input - knots[0]) / spacing), 0, last);
 }
 
+/// A spool off its rest, and whatever lags it with it.
+SampledValveDynamics::State displaced_spool(const SampledValveDynamics& spool, double rate, double position) {
+  SampledValveDynamics::State state = SampledValveDynamics::State::Constant(spool.order(), position);
+  state(0) = rate;
+  return state;
+}
+
 // Rows of a linearisation beyond this many say nothing new; thinning them bounds memory and time.
 constexpr std::size_t kMostRows = 60000;
 
@@ -242,7 +249,7 @@ LawContext ValveFitProblem::context(const VectorXd& v, std::size_t recording) co
 }
 
 ValveFitProblem::Blocks ValveFitProblem::blocks_of(const VectorXd& v, std::size_t recording) const {
-  Blocks blocks{.valve = to_parameters(v.head(kParameters), options_.reference_psi)};
+  Blocks blocks{.valve = to_parameters(v.head(kParameters), options_.reference_psi, options_.usual)};
   blocks.valve.volume.highest_psi = v(kParameters + knots_ - 1);
   for (std::size_t l = 0; l < options_.laws.size(); ++l) {
     const LawInFit& law = options_.laws[l];
@@ -297,11 +304,11 @@ void ValveFitProblem::run_position(const VectorXd& v, std::size_t recording, std
   } else {
     spool.run(force, position);
   }
-  SampledValveDynamics::State free(2);
-  free << v(own_at(recording) + kSpoolRate), v(own_at(recording) + kSpoolPosition);
+  SampledValveDynamics::State free =
+      displaced_spool(spool, v(own_at(recording) + kSpoolRate), v(own_at(recording) + kSpoolPosition));
   for (double& x : position) {
     if (free.squaredNorm() < 1e-24) break;  // decayed below any effect
-    x += free(1);
+    x += free(free.size() - 1);
     free = spool.transition().lazyProduct(free).eval();
   }
   apply_laws(Place::kPosition, v, recording, {}, position, nullptr);
@@ -467,7 +474,7 @@ class ValveFitProblem::Columns {
   bool in_two_places(Index entry) const {
     for (std::size_t l = 0; l < problem_.options_.laws.size(); ++l) {
       const LawInFit& law = problem_.options_.laws[l];
-      if (law.law->apply && law.law->reshape && !law.law->blocks_alone && owns(l, law, entry)) return true;
+      if (law.law->apply && law.law->reshape && !law.acts_in_blocks_alone() && owns(l, law, entry)) return true;
     }
     return false;
   }
@@ -490,10 +497,10 @@ class ValveFitProblem::Columns {
   /// The spool's own return from a start off its rest, which nothing before the map changes.
   std::vector<double> spool_start_change(Index state) const {
     const SampledValveDynamics spool(problem_.blocks_of(v_, recording_).valve.spool, period_s());
-    SampledValveDynamics::State free = SampledValveDynamics::State::Unit(2, state == kSpoolRate ? 0 : 1);
+    SampledValveDynamics::State free = displaced_spool(spool, state == kSpoolRate ? 1 : 0, state == kSpoolRate ? 0 : 1);
     std::vector<double> change(base_.position.size(), 0.0);
     for (std::size_t i = 0; i < change.size() && free.squaredNorm() > 1e-24; ++i) {
-      change[i] = slope_[i] * free(1);
+      change[i] = slope_[i] * free(free.size() - 1);
       free = spool.transition().lazyProduct(free).eval();
     }
     carry_steady(change);

@@ -111,7 +111,7 @@ class ValveFitProblem {
   void run_position(const Eigen::VectorXd& v, std::size_t recording, std::vector<double>& position) const;
   /// Whether a law acts on a signal of this model, at a place.
   bool acts_at(const LawInFit& law, Place place, std::size_t recording) const {
-    return law.law->place == place && law.law->apply && !law.law->blocks_alone && acts(law, recording);
+    return law.law->place == place && law.law->apply && !law.acts_in_blocks_alone() && acts(law, recording);
   }
   IntervalSignal behind_input_laws(const Eigen::VectorXd& v, std::size_t recording) const;
   void apply_laws(Place place, const Eigen::VectorXd& v, std::size_t recording, std::span<const double> steady,

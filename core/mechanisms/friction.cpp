@@ -88,6 +88,6 @@ extern constinit const Mechanism kFriction{
     .apply = apply,
     .tangent = nullptr,
     .reshape = reshape,
-    .blocks_alone = true};
+    .is_in_blocks = [](std::span<const double>) { return true; }};
 
 }  // namespace valvetriage

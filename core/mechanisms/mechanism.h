@@ -110,8 +110,11 @@ struct Mechanism {
 
   /// How many of the last parameters every recording has its own of: the phase of a tone that does not stop between.
   std::size_t own_per_recording = 0;
-  /// In a valve `reshape` alone acts; `apply` is for models without the valve's blocks.
-  bool blocks_alone = false;
+  /// Whether with these parameters `reshape` alone acts in a valve; `apply` is then for models without its blocks.
+  /// Null: never.
+  bool (*is_in_blocks)(std::span<const double> parameters) = nullptr;
+
+  bool acts_in_blocks_alone(std::span<const double> at) const { return is_in_blocks && is_in_blocks(at); }
 };
 
 /// Every mechanism there is, in the order of the contract's table. The list is made by CMake from the files of this

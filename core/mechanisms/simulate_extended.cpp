@@ -73,7 +73,7 @@ Result<std::vector<Law>> laws_of(const Model& model, const Surroundings& around)
 Result<Model> reshaped(Model model, std::span<const Law> laws) {
   for (const Law& law : laws) {
     const Mechanism& mechanism = *law.mechanism;
-    if (!mechanism.reshape || (mechanism.blocks_alone && !model.map)) continue;
+    if (!mechanism.reshape || (!model.map && mechanism.acts_in_blocks_alone(law.parameters))) continue;
     ValveDynamics spool{.delay_s = model.dynamics.delay_s};
     OrificeVolume volume = model.volume.value_or(OrificeVolume{});
     if (volume.highest_psi == 0 && model.map) volume.highest_psi = model.map->output.back();
@@ -87,6 +87,10 @@ Result<Model> reshaped(Model model, std::span<const Law> laws) {
     }
     if (model.volume) model.volume = volume;
     model.dynamics.delay_s = spool.delay_s;
+    for (const double lag_s : spool.lag_s) {
+      model.dynamics.poles.emplace_back(-1 / lag_s);
+      model.dynamics.gain /= lag_s;
+    }
   }
   return model;
 }
@@ -151,7 +155,7 @@ bool any_at(std::span<const Law> laws, Place place) {
 
 /// Those that act on signals of this model: in a valve, without the ones that act on its blocks alone.
 std::vector<Law> signal_laws_of(const Model& model, std::vector<Law> laws) {
-  std::erase_if(laws, [&](const Law& law) { return model.map && law.mechanism->blocks_alone; });
+  std::erase_if(laws, [&](const Law& law) { return model.map && law.mechanism->acts_in_blocks_alone(law.parameters); });
   return laws;
 }
 
@@ -179,10 +183,11 @@ Result<std::vector<double>> run(const Model& model, const IntervalSignal& input,
                                 std::span<const double> measured, const InitialState& initial, Horizon horizon,
                                 const Surroundings& around) {
   if (model.mechanisms.empty()) return free_run(model, {}, input, sample_period_s, measured, initial, horizon);
-  const auto laws = laws_of(model, around);
-  if (!laws) return tl::unexpected(laws.error());
-  const auto changed = reshaped(model, *laws);
+  auto all = laws_of(model, around);
+  if (!all) return tl::unexpected(all.error());
+  const auto changed = reshaped(model, *all);
   if (!changed) return tl::unexpected(changed.error());
+  const std::vector<Law> laws = signal_laws_of(model, std::move(*all));
 
   LawContext context = common_context(model, around);
   const std::vector<double> stamps = law_stamps(input.start.size(), sample_period_s);
@@ -190,7 +195,7 @@ Result<std::vector<double>> run(const Model& model, const IntervalSignal& input,
   context.input = input.start;
   const double gain = model.map ? 1 : static_gain(model.dynamics);
   if (!model.map) {
-    const bool on_position = any_at(*laws, Place::kPosition);
+    const bool on_position = any_at(laws, Place::kPosition);
     if (on_position && (gain == 0 || !std::isfinite(gain))) {
       return fail("no_static_gain", "a law on the position needs a model with a static gain");
     }
@@ -202,34 +207,34 @@ Result<std::vector<double>> run(const Model& model, const IntervalSignal& input,
     context.input_middle = model.input_offset;
   }
 
-  SignalLaws signal_laws{.memories = memories_of(*laws)};
-  if (any_at(*laws, Place::kPosition)) {
+  SignalLaws signal_laws{.memories = memories_of(laws)};
+  if (any_at(laws, Place::kPosition)) {
     // The position of a linear model is its output over its static gain, about the operating point.
     const double offset = model.map ? 0 : model.input_offset;
     signal_laws.at_position = [&, gain, offset](const LawMemories& memories, std::span<double> x) {
       for (double& value : x) value = value / gain + offset;
-      run_laws(with_memories(*laws, memories), Place::kPosition, context, x);
+      run_laws(with_memories(laws, memories), Place::kPosition, context, x);
       for (double& value : x) value = (value - offset) * gain;
     };
   }
-  const bool at_steady = any_at(*laws, Place::kSteady);
+  const bool at_steady = any_at(laws, Place::kSteady);
   if (at_steady && model.map) {
-    signal_laws.at_steady = [&](std::span<double> m) { run_laws(*laws, Place::kSteady, context, m); };
+    signal_laws.at_steady = [&](std::span<double> m) { run_laws(laws, Place::kSteady, context, m); };
   }
-  if (any_at(*laws, Place::kOutput) || (at_steady && !model.map)) {
+  if (any_at(laws, Place::kOutput) || (at_steady && !model.map)) {
     signal_laws.at_output = [&](std::span<const double> steady, std::span<double> y) {
-      if (!model.map) run_laws(*laws, Place::kSteady, context, y);
+      if (!model.map) run_laws(laws, Place::kSteady, context, y);
       LawContext here = context;
       here.steady = steady;
-      run_laws(*laws, Place::kOutput, here, y);
+      run_laws(laws, Place::kOutput, here, y);
     };
   }
   if (model.loop) signal_laws.loop_gate = loop_gate(input);
   std::optional<LawInput> law_input;
-  if (any_at(signal_laws_of(model, *laws), Place::kInput)) {
+  if (any_at(laws, Place::kInput)) {
     law_input.emplace(input, sample_period_s);
     signal_laws.at_input = [&](const LawMemories& memories, std::size_t samples) {
-      return law_input->behind(signal_laws_of(model, with_memories(*laws, memories)), context, samples);
+      return law_input->behind(with_memories(laws, memories), context, samples);
     };
   }
   return free_run(*changed, signal_laws, input, sample_period_s, measured, initial, horizon);

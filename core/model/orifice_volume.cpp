@@ -10,6 +10,7 @@ namespace {
 
 // Where flow through an orifice turns laminar: Reynolds number 1000 in holes of half a millimetre to a millimetre.
 constexpr double kLaminar_psi = 0.1;
+constexpr double kAtmosphere_psi = 14.7;
 // The supply stays this far above the volume: a steady pressure at the supply has no drop to flow over.
 constexpr double kLeastDrop_psi = 1.0;
 
@@ -87,7 +88,9 @@ class Law {
       : n_(volume.exponent),
         supply_(volume.supply_psi),
         zero_(std::pow(kLaminar_psi, volume.exponent)),
-        fall_(volume.fall_to_rise_ratio) {
+        fall_(volume.fall_to_rise_ratio),
+        air_(volume.air_share),
+        absolute_reference_(volume.reference_psi + kAtmosphere_psi) {
     const Flow at = flow(volume.reference_psi);
     scale_ = 1.0 / (volume.time_constant_s * (at.drain_slope - at.drain * at.drop_slope / at.drop));
     if (volume.drain_excess_exponent != 0) add_drain(volume, at.drain);
@@ -169,16 +172,26 @@ class Law {
   struct Rate {
     double value = 0, by_p = 0, by_m = 0;
   };
-  Rate rate(const Flow& p, const Flow& m) const {
+  Rate rate(double at_psi, const Flow& p, const Flow& m) const {
     const double per_drop = 1 / m.drop;
     const double inflow = m.drain * per_drop;
     Rate rate{scale_ * (p.drop * inflow - p.out), scale_ * (inflow * p.drop_slope - p.out_slope),
               scale_ * p.drop * per_drop * (m.drain_slope - inflow * m.drop_slope)};
+    if (air_ != 0) soften(at_psi, rate);
     if (fall_ != 1 && rate.value < 0) rate = {rate.value / fall_, rate.by_p / fall_, rate.by_m / fall_};
     return rate;
   }
 
  private:
+  /// Divides by the capacity at a pressure over that at the reference.
+  void soften(double at_psi, Rate& rate) const {
+    const double q = absolute_reference_ / (std::max(at_psi, 0.0) + kAtmosphere_psi);
+    const double per_capacity = (1 + air_) / (1 + air_ * q * q);
+    const double slope =
+        at_psi > 0 ? per_capacity * per_capacity * 2 * air_ * q * q * q / (absolute_reference_ * (1 + air_)) : 0;
+    rate = {rate.value * per_capacity, rate.by_p * per_capacity + rate.value * slope, rate.by_m * per_capacity};
+  }
+
   /// Another exponent of the drain, its flow at the reference pressure unchanged.
   void add_drain(const OrificeVolume& volume, double flow_at_reference) {
     drain_n_ = std::max(n_ + volume.drain_excess_exponent, kLeastExponent);
@@ -197,7 +210,7 @@ class Law {
     loss_share_ = volume.loss_fraction * through / loss;
   }
 
-  double n_, supply_, zero_, fall_;
+  double n_, supply_, zero_, fall_, air_, absolute_reference_;
   double scale_ = 0;
   double drain_n_ = 0, drain_zero_ = 0, drain_share_ = 0;  // share 0: the healthy drain
   double loss_share_ = 0;
@@ -232,9 +245,9 @@ void run_volume(const OrificeVolume& volume, double sample_period_s, double firs
     pressure[i] = p;
     const Flow middle = table.flow(0.5 * (m + next_m));
     // Half a step with the slope at its start, then the whole with the slope at the middle.
-    const Law::Rate begin = law.rate(table.flow(p), middle);
+    const Law::Rate begin = law.rate(p, table.flow(p), middle);
     const double half = p + 0.5 * sample_period_s * begin.value * relaxed(-0.5 * sample_period_s * begin.by_p);
-    const Law::Rate centre = law.rate(table.flow(half), middle);
+    const Law::Rate centre = law.rate(half, table.flow(half), middle);
     const double reach = sample_period_s * relaxed(-sample_period_s * centre.by_p);
     const double slope_there = centre.value + centre.by_p * (p - half);
     if (tangent) {
@@ -259,7 +272,7 @@ double settled_psi(const OrificeVolume& volume, double steady_psi) {
     double low = std::min(steady_psi, 0.0) - 1, high = std::max(volume.supply_psi, steady_psi + 1);
     for (int halving = 0; halving < 80; ++halving) {
       const double middle = 0.5 * (low + high);
-      (law.rate(law.flow(middle), m).value > 0 ? low : high) = middle;
+      (law.rate(middle, law.flow(middle), m).value > 0 ? low : high) = middle;
     }
     settled = 0.5 * (low + high);
   }

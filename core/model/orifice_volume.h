@@ -17,6 +17,14 @@ namespace valvetriage {
 /// ε = 0.1 psi: every orifice is laminar at small drops (Borutzky, Control Eng. Practice 10 (2002) 1253).
 /// Source: Merritt, Hydraulic Control Systems (1967), chapters 3 and 5.
 ///
+/// Air in the fluid gives way more the lower the pressure: free air that follows Boyle's law adds a capacity that falls
+/// with the square of the absolute pressure, so dp/dt is divided by
+///
+///   C(p)/C(r) = (1 + a q²) / (1 + a),   q = (r + p_atm) / (p + p_atm), p ≥ 0,   p_atm = 14.7 psi
+///
+/// with a the air's share at the reference pressure r over that of fluid and walls.
+/// Source: Manring, Hydraulic Control Systems (2005), section 2.4 (fluid bulk modulus with entrained air).
+///
 /// What may be wrong with it, neutral by default; the inflow and κ stay those of the healthy volume:
 ///
 ///   dp/dt = κ [ ((P_s − p) / (P_s − m))^n φ_n(m) − φ_{n+Δ}(p) φ_n(r)/φ_{n+Δ}(r) − f φ_n(H) ψ(p)/ψ(H) ] / (fall ratio)
@@ -29,6 +37,7 @@ struct OrificeVolume {
   double exponent = 0.5;       ///< n of flow over pressure drop, 0.2 to 1.5
   double supply_psi = 0;       ///< P_s, above every steady pressure [psi]
   double reference_psi = 0;    ///< where the time constant holds [psi]
+  double air_share = 0;        ///< a ≥ 0, capacity of entrained air over that of fluid and walls at reference_psi
 
   double fall_to_rise_ratio = 1;     ///< time constant of falling over that of rising, > 0
   double loss_fraction = 0;          ///< f ≥ 0, loss over through-flow at highest_psi

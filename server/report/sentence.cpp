@@ -69,6 +69,9 @@ std::string verdict_sentence(const ClassificationResult& result) {
 }
 
 std::string parameter_words(const std::string& name, const ParameterEstimate& estimate) {
+  if (name == "ahead_of_map") {
+    return estimate.value != 0 ? "ahead of the static map: coil or spool" : "behind the static map: pressure or gauge";
+  }
   const std::string shown = parameter_name(name, estimate.unit);
   if (!estimate.text.empty()) return shown + " " + estimate.text;
   std::string text = fmt::format("{} {}", shown, quantity(estimate.value, estimate.unit));

@@ -141,7 +141,7 @@ PlaceText place_text(const Model& model, Place place) {
     const MechanismUse& use = model.mechanisms[n];
     const Mechanism& law = *find_mechanism(use.cause);
     const LawText* c = text_of(use.cause);
-    const bool is_inside = model.map && law.blocks_alone;
+    const bool is_inside = model.map && law.acts_in_blocks_alone(use.parameters);
     if (law.place != place || !c || is_inside || is_neutral(law, use.parameters)) continue;
     if (!c->state.empty()) text.state += fmt::format("  {}\n", filled(c->state, n, use.parameters));
     // What a law begins with is the signal as the laws before it leave it.
@@ -320,6 +320,15 @@ static double drop_of(double p, double *slope) {
   return flow;
 }
 
+/* Entrained air: divides by the capacity at p over that at the reference. */
+static void soften(double p, double *rate, double *slope) {
+  const double reference = REFERENCE + 14.7, q = reference / (fmax(p, 0) + 14.7);
+  const double per_capacity = (1 + AIR_SHARE) / (1 + AIR_SHARE * q * q);
+  const double rise = p > 0 ? per_capacity * per_capacity * 2 * AIR_SHARE * q * q * q / (reference * (1 + AIR_SHARE)) : 0;
+  *slope = *slope * per_capacity + *rate * rise;
+  *rate *= per_capacity;
+}
+
 /* dp/dt and its slope over p, towards a steady pressure steady. */
 static double volume_rate(double p, double steady, double *slope) {
   double ignored, out_slope, loss_slope, drop_slope, rate;
@@ -328,6 +337,7 @@ static double volume_rate(double p, double steady, double *slope) {
   const double loss = LOSS_SHARE * orifice(p, 0.5, &loss_slope), drop = drop_of(p, &drop_slope);
   rate = SCALE * (drop / drop_steady * in - (out + loss));
   *slope = SCALE * (in * drop_slope / drop_steady - (DRAIN_SHARE * out_slope + LOSS_SHARE * loss_slope));
+  soften(p, &rate, slope);
   if (rate < 0) {
     rate /= FALL_RATIO;
     *slope /= FALL_RATIO;
@@ -472,7 +482,7 @@ std::string volume_constants(const OrificeVolume& v) {
          define("DRAIN_SHARE", flow(reference, n) / flow(reference, drain)) +
          define("LOSS_SHARE", v.loss_fraction * flow(highest, n) / flow(highest, 0.5)) +
          define("SCALE", 1 / (v.time_constant_s * slope)) + define("FALL_RATIO", v.fall_to_rise_ratio) +
-         define("CEILING", v.ceiling_psi) +
+         define("CEILING", v.ceiling_psi) + define("REFERENCE", reference) + define("AIR_SHARE", v.air_share) +
          define("IS_HEALTHY", v.drain_excess_exponent == 0 && v.loss_fraction == 0 ? 1 : 0);
 }
 

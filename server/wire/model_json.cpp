@@ -100,8 +100,10 @@ OrificeVolume volume_from_json(JsonFields fields) {
   OrificeVolume volume{.time_constant_s = fields.number("time_constant_s"),
                        .exponent = fields.number("exponent"),
                        .supply_psi = fields.number("supply_psi"),
-                       .reference_psi = fields.number("reference_psi")};
+                       .reference_psi = fields.number("reference_psi"),
+                       .air_share = fields.has("air_share") ? fields.number("air_share") : 0};
   if (!fields.ok()) return volume;
+  if (volume.air_share < 0) fields.refuse("air_share", "out_of_range", "a share of air cannot be negative");
   if (!(volume.time_constant_s > 0)) fields.refuse("time_constant_s", "out_of_range", "a time constant is positive");
   if (!(volume.exponent > 0)) fields.refuse("exponent", "out_of_range", "the flow exponent is positive");
   if (!(volume.reference_psi > 0 && volume.reference_psi < volume.supply_psi)) {
@@ -265,6 +267,7 @@ Json to_json(const Model& model) {
                   {"exponent", model.volume->exponent},
                   {"supply_psi", model.volume->supply_psi},
                   {"reference_psi", model.volume->reference_psi}};
+    if (model.volume->air_share != 0) volume["air_share"] = model.volume->air_share;
   }
   if (model.map) map = Json{{"input", model.map->input}, {"output", model.map->output}};
   Json json{{"schema", "valvetriage.model/1"},

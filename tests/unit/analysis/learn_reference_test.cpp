@@ -72,6 +72,28 @@ TEST(LearnReference, TheCovarianceIsPositiveDefinite) {
   EXPECT_LT((covariance - covariance.transpose()).cwiseAbs().maxCoeff(), 1e-12);
 }
 
+TEST(LearnReference, TheWholeDelayVariesByNoMoreThanItDoes) {
+  // A spool that is 10 % slower has 1.5 ms more of delay, which these valves make up for elsewhere.
+  std::vector<ValveRecordings> valves;
+  for (int i = 0; i < 6; ++i) {
+    test::MadeValve valve;
+    ValveDynamics& spool = valve.parameters.spool;
+    const double whole_s = spool.delay_s + 2 * spool.damping_ratio / spool.natural_frequency_rad_s;
+    spool.natural_frequency_rad_s *= std::exp(0.1 * (i - 2.5) / 1.87);
+    spool.delay_s = whole_s - 2 * spool.damping_ratio / spool.natural_frequency_rad_s;
+    const std::string serial = "V" + std::to_string(i);
+    valves.push_back({serial, test::session(valve, kNoise_psi, 70 + 10u * static_cast<unsigned>(i))});
+  }
+  const auto reference = learn_reference(valves, "type-1");
+  ASSERT_TRUE(reference);
+  const auto p = static_cast<Eigen::Index>(reference->parameters.size() + reference->map_sd.size());
+  const Eigen::MatrixXd covariance = Eigen::Map<const Eigen::MatrixXd>(reference->covariance.data(), p, p);
+  Eigen::VectorXd whole = Eigen::VectorXd::Zero(p);
+  whole.head(3) << -0.015, 0.015, 1;
+  EXPECT_LT(std::sqrt(whole.dot(covariance * whole)), 0.0005);
+  EXPECT_GT(reference->parameters[0].sd, 0.05);
+}
+
 TEST(LearnReference, PointsOutABadValveAmongTheGoodAndLeavesItOut) {
   auto valves = population(8, 5);
   test::MadeValve slow;
@@ -102,6 +124,30 @@ TEST(LearnReference, FindsTheShapeOfTheLoopThatGoodValvesShare) {
   EXPECT_NEAR(shares[1], 0.1, 0.07);
   EXPECT_NEAR(shares[2], 0.3, 0.1);
   EXPECT_NEAR(shares[3], 0.6, 0.1);
+}
+
+/// Three good valves with so much air in the fluid.
+std::vector<ValveRecordings> airy_valves(double air_share) {
+  std::vector<ValveRecordings> valves;
+  for (unsigned i = 0; i < 3; ++i) {
+    test::MadeValve valve;
+    valve.parameters.volume.time_constant_s *= 1 + 0.02 * i;
+    valve.parameters.volume.air_share = air_share;
+    valves.push_back({"V" + std::to_string(i), test::session(valve, kNoise_psi, 40 + 10 * i)});
+  }
+  return valves;
+}
+
+TEST(LearnReference, FindsTheAirInTheFluidThatGoodValvesShare) {
+  const auto reference = learn_reference(airy_valves(0.03), "type-1");
+  ASSERT_TRUE(reference);
+  EXPECT_NEAR(usual_mechanisms(reference->model).air_share, 0.03, 0.006);
+}
+
+TEST(LearnReference, FindsNoAirWhereThereIsNone) {
+  const auto reference = learn_reference(airy_valves(0), "type-1");
+  ASSERT_TRUE(reference);
+  EXPECT_EQ(usual_mechanisms(reference->model).air_share, 0);
 }
 
 TEST(LearnReference, NeedsThreeValves) {

@@ -42,7 +42,8 @@ TEST(PopulationCovariance, ANewGoodValveIsAsFarAsItClaims) {
   int seen = 0;
   for (int repeat = 0; repeat < 12; ++repeat) {
     const Eigen::MatrixXd learned = valves(8, random);
-    const Eigen::MatrixXd covariance = (1 + 1 / 8.0) * population_covariance(learned, none(), kParameters, knots());
+    const Eigen::MatrixXd covariance =
+        (1 + 1 / 8.0) * population_covariance(learned, none(), kParameters, knots()).covariance;
     const Eigen::LLT<Eigen::MatrixXd> factor(covariance);
     ASSERT_EQ(factor.info(), Eigen::Success);
     const Eigen::VectorXd mean = learned.rowwise().mean();
@@ -74,13 +75,16 @@ TEST(PopulationCovariance, WhatTheEstimatesErrByIsNoDifferenceBetweenValves) {
     bend.segment(k, 3) << 1, -2, 1;
     return std::sqrt(bend.dot(covariance * bend));
   };
-  EXPECT_GT(roughness(population_covariance(learned, none(), kParameters, knots())), 0.7 * std::sqrt(6) * kError_psi);
-  EXPECT_LT(roughness(population_covariance(learned, errors, kParameters, knots())), 0.4 * std::sqrt(6) * kError_psi);
+  EXPECT_GT(roughness(population_covariance(learned, none(), kParameters, knots()).covariance),
+            0.7 * std::sqrt(6) * kError_psi);
+  EXPECT_LT(roughness(population_covariance(learned, errors, kParameters, knots()).covariance),
+            0.4 * std::sqrt(6) * kError_psi);
 }
 
 TEST(PopulationCovariance, ThreeValvesAreEnoughForAPositiveOne) {
   std::mt19937_64 random(12);
-  const Eigen::LLT<Eigen::MatrixXd> factor(population_covariance(valves(3, random), none(), kParameters, knots()));
+  const Eigen::LLT<Eigen::MatrixXd> factor(
+      population_covariance(valves(3, random), none(), kParameters, knots()).covariance);
   EXPECT_EQ(factor.info(), Eigen::Success);
 }
 

@@ -32,7 +32,7 @@ constexpr AdviceOptions kStand{.noise_rms = 0.35, .input_low = 1.0, .input_high 
 
 TEST(Advise, ALoopAndALagAreToldApartByAnotherRate) {
   const std::vector<Alternative> open{alternative("hysteresis", {0.02, 0.06, 0}, 0.5, {0.002, 0, 0}),
-                                      alternative("extra_lag", {0.05}, 0.5, {0.01})};
+                                      alternative("extra_lag", {0.05, 0}, 0.5, {0.01, 0})};
   const auto next = advise_next_test(open, kStand);
   ASSERT_TRUE(next.has_value());
   EXPECT_GT(next->expected_probability, 0.95);

@@ -40,26 +40,26 @@ Stack with_signature(Stack after, double size) {
 TEST(Evidence, InWhiteNoiseASignatureIsWorthItsEnergy) {
   const Stack after = noise(0, 4);
   const double energy = 800 * 0.5 * 0.5;
-  EXPECT_NEAR(consistent_evidence(with_signature(after, 0.5), after, energy, 1), energy, 0.3 * energy);
+  EXPECT_NEAR(consistent_evidence(with_signature(after, 0.5), after, energy, 1).value, energy, 0.3 * energy);
 }
 
 TEST(Evidence, WhereTheNoiseIsLoudJustThereASignatureIsWorthLess) {
   Stack after = noise(0, 4);
   for (Eigen::Index i = 0; i < after[0].size(); ++i) after[0](i) *= i % 200 < 20 ? 5 : 1;
   const double energy = 800 * 0.5 * 0.5;
-  EXPECT_NEAR(consistent_evidence(with_signature(after, 0.5), after, energy, 1), energy / 25, 0.4 * energy / 25);
+  EXPECT_NEAR(consistent_evidence(with_signature(after, 0.5), after, energy, 1).value, energy / 25, 0.4 * energy / 25);
 }
 
 TEST(Evidence, ThePriorDoesNotVouchForASignatureThatLoudNoiseCouldMake) {
   Stack after = noise(0, 4);
   for (Eigen::Index i = 0; i < after[0].size(); ++i) after[0](i) *= i % 200 < 20 ? 5 : 1;
   const double energy = 800 * 0.5 * 0.5;
-  EXPECT_LT(consistent_evidence(with_signature(after, 0.5), after, 1.2 * energy, 1), 0.1 * energy);
+  EXPECT_LT(consistent_evidence(with_signature(after, 0.5), after, 1.2 * energy, 1).value, 0.1 * energy);
 }
 
 TEST(Evidence, WhatTheReductionOwesToThePriorHasNoNoiseInIt) {
   const Stack after = noise(0, 4);
-  EXPECT_NEAR(consistent_evidence(after, after, 70, 1), 70, 1e-9);
+  EXPECT_NEAR(consistent_evidence(after, after, 70, 1).value, 70, 1e-9);
 }
 
 TEST(Evidence, WhereTheSamplesHardlyChangeThePriorSpeaksAloneHoweverLoudTheyAre) {
@@ -69,7 +69,7 @@ TEST(Evidence, WhereTheSamplesHardlyChangeThePriorSpeaksAloneHoweverLoudTheyAre)
     if (i % 200 < 20) after[0](i) = i % 2 == 0 ? 20 : -20;
   }
   const Stack before = with_signature(after, 0.07);
-  EXPECT_GT(consistent_evidence(before, after, 50, 1), 40);
+  EXPECT_GT(consistent_evidence(before, after, 50, 1).value, 40);
 }
 
 TEST(Evidence, AContrastInWhiteNoiseIsTheLikelihoodRatio) {
@@ -90,23 +90,23 @@ TEST(Evidence, AContrastThatOnePlaceMakesAndAnotherDeniesIsNone) {
 
 TEST(Evidence, NoiseAloneIsNoCause) {
   // χ² of one degree: a reduction of 3.84 has five per cent, were the spread of good valves known.
-  EXPECT_NEAR(good_valve_p_value(3.84, 1, 1, 0, 100000), 0.05, 0.001);
+  EXPECT_NEAR(good_valve_p_value(Evidence{3.84}, 1, 1, 0, 100000), 0.05, 0.001);
   // F of 1 and 8: eight valves that show nothing do not say that none ever does.
-  EXPECT_NEAR(good_valve_p_value(5.32, 1, 1, 0, 8), 0.05, 0.001);
+  EXPECT_NEAR(good_valve_p_value(Evidence{5.32}, 1, 1, 0, 8), 0.05, 0.001);
 }
 
 TEST(Evidence, WhatGoodValvesShowAsWellNeedsMoreOfIt) {
-  const double strict = good_valve_p_value(60, 1, 1, 0, 8);
-  const double with_spread = good_valve_p_value(60, 1, 1, 20, 8);
+  const double strict = good_valve_p_value(Evidence{60}, 1, 1, 0, 8);
+  const double with_spread = good_valve_p_value(Evidence{60}, 1, 1, 20, 8);
   EXPECT_LT(strict, 1e-4);
   EXPECT_GT(with_spread, 0.05);
   // The same mean over many valves is known better.
-  EXPECT_LT(good_valve_p_value(600, 1, 1, 20, 30), good_valve_p_value(600, 1, 1, 20, 3));
+  EXPECT_LT(good_valve_p_value(Evidence{600}, 1, 1, 20, 30), good_valve_p_value(Evidence{600}, 1, 1, 20, 3));
 }
 
 TEST(Evidence, ASearchOverManyStartsIsPaidFor) {
-  EXPECT_GT(good_valve_p_value(14, 2, 14, 0, 8), 0.1);
-  EXPECT_LT(good_valve_p_value(14, 2, 2, 0, 8), 0.01);
+  EXPECT_GT(good_valve_p_value(Evidence{14}, 2, 14, 0, 8), 0.1);
+  EXPECT_LT(good_valve_p_value(Evidence{14}, 2, 2, 0, 8), 0.01);
 }
 
 TEST(Evidence, ASizeIsJudgedAgainstGoodValvesSpread) {

@@ -100,6 +100,25 @@ TEST(ValveDiagnosis, ALineThatOnlyTheLogOfTheInputHasIsNoDisturbance) {
   EXPECT_NEAR(std::stod(what.substr(before.size())), 0.002, 0.0004) << what;
 }
 
+TEST(ValveDiagnosis, AToneThatHalfOfTheRecordingsHaveIsNotTheStands) {
+  const test::MadeValve valve;
+  const auto healthy = test::session(valve, kNoise_psi, 5);
+  const auto with_tone = [&](std::size_t first, double amplitude_psi) {
+    auto recordings = healthy;
+    for (std::size_t r = first; r < recordings.size(); ++r) {
+      for (std::size_t i = 0; i < recordings[r].samples(); ++i) {
+        recordings[r].output.values[i] +=
+            amplitude_psi * std::sin(2 * std::numbers::pi * 7.3 * 0.005 * static_cast<double>(i));
+      }
+    }
+    return diagnosed(recordings, Population(healthy, valve)).discrepancy;
+  };
+  const Discrepancy everywhere = with_tone(0, 0.2);
+  EXPECT_EQ(everywhere.conclusion, Conclusion::kNamed);
+  EXPECT_EQ(everywhere.causes.front().cause, "periodic_disturbance");
+  EXPECT_EQ(with_tone(2, 0.2).conclusion, Conclusion::kUnexplained);
+}
+
 class ValveDiagnosisOf : public testing::TestWithParam<MechanismUse> {};
 
 TEST_P(ValveDiagnosisOf, NamesTheCauseThatWasPutIn) {
@@ -131,10 +150,22 @@ INSTANTIATE_TEST_SUITE_P(Causes, ValveDiagnosisOf,
                                          MechanismUse{.cause = "saturation", .parameters = {120, -INFINITY}},
                                          MechanismUse{.cause = "self_oscillation",
                                                       .parameters = {12.3, 1.5, 150, 50, 0.2, 10, 0.5}},
-                                         MechanismUse{.cause = "extra_lag", .parameters = {0.03}},
+                                         MechanismUse{.cause = "extra_lag", .parameters = {0.03, 0}},
                                          MechanismUse{.cause = "transport_delay", .parameters = {0.009}},
                                          MechanismUse{.cause = "leakage", .parameters = {0.14}}),
                          [](const auto& tried) { return tried.param.cause; });
+
+TEST(ValveDiagnosis, ALagOfCoilOrSpoolIsNamedAheadOfTheMap) {
+  const test::MadeValve valve;
+  const auto healthy = test::session(valve, kNoise_psi, 3);
+  const Population population(healthy, valve);
+  const auto spoiled = with_cause(healthy, population.model(valve), {.cause = "extra_lag", .parameters = {0.03, 1}});
+  const Discrepancy found = diagnosed(spoiled, population).discrepancy;
+  ASSERT_EQ(found.causes.size(), 1u);
+  EXPECT_EQ(found.causes.front().cause, "extra_lag");
+  EXPECT_NEAR(found.causes.front().parameters.at(0).second.value, 0.03, 0.004);
+  EXPECT_EQ(found.causes.front().parameters.at(1).second.value, 1);
+}
 
 const Candidate& candidate(const Discrepancy& discrepancy, const std::string& cause) {
   const auto& list = discrepancy.candidates;

@@ -33,14 +33,16 @@ class AnalysisJob : public testing::Test {
     const std::string path = folder_ / "steps.csv";
     std::ofstream(path) << csv;
     JobSpec spec;
-    spec.files = {{.name = "steps.csv", .sha256 = sha256_hex(csv), .path = path, .test = "step", .metadata_json = "{}"}};
+    spec.files = {
+        {.name = "steps.csv", .sha256 = sha256_hex(csv), .path = path, .test = "step", .metadata_json = "{}"}};
     auto analysis = run_analysis_job(spec, [](double, std::string_view) {});
     EXPECT_TRUE(analysis) << analysis.error().message;
     return analysis ? *analysis : NewAnalysis{};
   }
 
  private:
-  std::filesystem::path folder_ = std::filesystem::path(testing::TempDir()) / fmt::format("analysis_job_{}", ::getpid());
+  std::filesystem::path folder_ =
+      std::filesystem::path(testing::TempDir()) / fmt::format("analysis_job_{}", ::getpid());
 };
 
 TEST_F(AnalysisJob, KeepsTheResidualsOfAValveInWhichNothingIsWrong) {

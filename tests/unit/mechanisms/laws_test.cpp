@@ -188,7 +188,7 @@ TEST(Laws, ACurveVanishesAtBothEnds) {
 TEST(Laws, AnExtraLagTakesItsTimeConstant) {
   std::vector<double> step(100, 1.0);
   step[0] = 0;
-  const auto y = run("extra_lag", {0.05}, step);
+  const auto y = run("extra_lag", {0.05, 0}, step);
   // The edge itself is a ramp of one sample, so the response is that of a step half a sample later.
   EXPECT_NEAR(y[11], 1 - std::exp(-(10.5 * example::kPeriod_s) / 0.05), 2e-3);
 }
@@ -204,7 +204,7 @@ TEST(Laws, FiltersAreExactBetweenSamples) {
   for (std::size_t i = 0; i < fine.size(); ++i)
     fine_stamps.push_back(0.5 * example::kPeriod_s * static_cast<double>(i));
   LawContext context{.time_s = fine_stamps};
-  for (const auto& [cause, parameters] : {std::pair<std::string_view, std::vector<double>>{"extra_lag", {0.03}},
+  for (const auto& [cause, parameters] : {std::pair<std::string_view, std::vector<double>>{"extra_lag", {0.03, 0}},
                                           {"resonance", {20, 0.1}},
                                           {"resonance", {150, 0.05}},
                                           {"resonance", {5, 0.7}}}) {

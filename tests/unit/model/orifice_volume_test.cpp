@@ -58,6 +58,28 @@ TEST(OrificeVolume, IsFasterAtLowPressureThanAtTheReference) {
   EXPECT_GT(low, 1.5 * mid);
 }
 
+TEST(OrificeVolume, WithAirInItIsSlowerBelowTheReferenceAndFasterAboveIt) {
+  OrificeVolume airy = kTurbulent;
+  airy.air_share = 0.05;
+  const auto moved = [](const OrificeVolume& volume, double at) {
+    return run(volume, at, std::vector<double>(5, at + 0.01))[4] - at;
+  };
+  // Boyle's law: at 3 psi the air of 105 psi takes (119.7 / 17.7)² times as much, 3.2 times the whole capacity.
+  const double capacity = (1 + 0.05 * std::pow(119.7 / 17.7, 2)) / 1.05;
+  const double still_to_go = 1 - moved(kTurbulent, 3) / 0.01;
+  EXPECT_NEAR(1 - moved(airy, 3) / 0.01, std::pow(still_to_go, 1 / capacity), 2e-3);
+  EXPECT_NEAR(moved(airy, 105), moved(kTurbulent, 105), 1e-5);
+  EXPECT_GT(moved(airy, 200), 1.02 * moved(kTurbulent, 200));
+}
+
+TEST(OrificeVolume, AirChangesNoSteadyPressure) {
+  OrificeVolume airy = kTurbulent;
+  airy.air_share = 0.3;
+  for (const double m : {-0.5, 0.0, 3.1, 120.0}) {
+    for (const double p : run(airy, m, std::vector<double>(100, m))) EXPECT_NEAR(p, m, 1e-12);
+  }
+}
+
 TEST(OrificeVolume, ConvergesWithTheSamplingAtSecondOrder) {
   const auto end = [](int substeps) {
     const auto n = static_cast<std::size_t>(12 * substeps);

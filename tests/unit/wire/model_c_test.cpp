@@ -137,6 +137,17 @@ TEST(ModelC, ASpoolThatSticksBehindItsCoilIsInIt) {
   expect_same(sticking);
 }
 
+TEST(ModelC, AVolumeWithAirInItIsTheSimulation) {
+  Model model = valve();
+  model.volume->air_share = 0.05;
+  expect_same(model);
+}
+
+TEST(ModelC, ALagAheadOfTheMapIsInItWithAndWithoutFriction) {
+  expect_same(with(valve(), {{"extra_lag", {0.02, 1}, ""}}));
+  expect_same(with(valve(), {{"extra_lag", {0.02, 1}, ""}, {"friction", {0.02, 0.01, 0.5}, ""}}));
+}
+
 TEST(ModelC, EveryCauseOnTheInputAndInsideIsInIt) {
   expect_same(with(valve(), {{"backlash", {0.02, 0}, ""},
                              {"hysteresis", {0.01, 0.1, 0.3}, ""},
@@ -156,7 +167,7 @@ TEST(ModelC, EveryCauseOnPositionAndMapIsInIt) {
 }
 
 TEST(ModelC, EveryCauseOnTheReadingIsInIt) {
-  expect_same(with(valve(), {{"extra_lag", {0.03}, ""},
+  expect_same(with(valve(), {{"extra_lag", {0.03, 0}, ""},
                              {"resonance", {12, 0.08}, ""},
                              {"self_oscillation", {8, 2, 120, 60, 0.25, 10, 0.3}, ""},
                              {"periodic_disturbance", {5, 1, 0.2}, ""},
@@ -171,7 +182,7 @@ TEST(ModelC, CausesOfALinearMachineAreInIt) {
                                {"hysteresis", {0.02, 0.2, 0}, ""},
                                {"dead_band", {1.5, 0.1}, ""},
                                {"gain_loss", {0.9}, ""},
-                               {"extra_lag", {0.02}, ""}}));
+                               {"extra_lag", {0.02, 1}, ""}}));
 }
 
 TEST(ModelC, WhatCannotBeToldIsRefused) {
