@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <array>
+#include <fstream>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -56,17 +57,18 @@ class AnonymousFile {
       }
     }
   }
-  /// What the file starts with: its text, or the mark of HDF5.
-  std::string head() const {
-    std::string bytes(32, '\0');
-    const ssize_t got = ::pread(descriptor_, bytes.data(), bytes.size(), 0);
-    return bytes.substr(0, static_cast<std::size_t>(std::max<ssize_t>(got, 0)));
-  }
   std::string path() const { return fmt::format("/proc/self/fd/{}", descriptor_); }
 
  private:
   int descriptor_;
 };
+
+/// What the file starts with: its text, or the mark of HDF5.
+std::string head_of(const std::string& path) {
+  std::string bytes(32, '\0');
+  std::ifstream(path, std::ios::binary).read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  return bytes;
+}
 
 using MatFile = std::unique_ptr<mat_t, decltype(&Mat_Close)>;
 using MatVariable = std::unique_ptr<matvar_t, decltype(&Mat_VarFree)>;
@@ -224,13 +226,11 @@ Result<Variables> read_variables(mat_t* file, const ColumnMapping& mapping) {
   }
 }
 
-Result<RawRecording> parse(ByteSource& source, const std::string& name, const ColumnMapping& mapping) {
-  AnonymousFile bytes;
-  if (auto taken = bytes.take(source); !taken) return tl::unexpected(taken.error());
-  if (!bytes.head().starts_with("MATLAB 5.")) {
+Result<RawRecording> parse(const std::string& path, const std::string& name, const ColumnMapping& mapping) {
+  if (!head_of(path).starts_with("MATLAB 5.")) {
     return mat_error("mat_version", "", "another version, v7.3 perhaps", "a v5 file; save it with '-v7'");
   }
-  const MatFile file(Mat_Open(bytes.path().c_str(), MAT_ACC_RDONLY), &Mat_Close);
+  const MatFile file(Mat_Open(path.c_str(), MAT_ACC_RDONLY), &Mat_Close);
   if (!file) return mat_error("malformed_mat", "", "a damaged head", "a MAT v5 file");
   auto variables = read_variables(file.get(), mapping);
   if (!variables) return tl::unexpected(variables.error());
@@ -250,12 +250,16 @@ bool is_mat(std::string_view first_bytes) {
   return first_bytes.starts_with("MATLAB ") || first_bytes.starts_with(kHdf5);
 }
 
+Result<RawRecording> parse_mat_file(const std::string& path, const std::string& name, const ColumnMapping& mapping) {
+  auto raw = parse(path, name, mapping);
+  if (!raw) raw.error().file = name;
+  return raw;
+}
+
 Result<RawRecording> parse_mat_recording(ByteSource& source, const std::string& name, const ColumnMapping& mapping) {
-  auto raw = parse(source, name, mapping);
-  if (raw) return raw;
-  Error error = raw.error();
-  error.file = name;
-  return tl::unexpected(std::move(error));
+  AnonymousFile bytes;
+  if (auto taken = bytes.take(source); !taken) return tl::unexpected(taken.error());
+  return parse_mat_file(bytes.path(), name, mapping);
 }
 
 }  // namespace valvetriage

@@ -18,4 +18,8 @@ bool is_mat(std::string_view first_bytes);
 ///         numeric vector, `ragged_columns`, `too_large` before anything large is read, and those of plan_columns
 Result<RawRecording> parse_mat_recording(ByteSource& source, const std::string& name, const ColumnMapping& mapping);
 
+/// The same from a file that is not packed, read where it lies: a child of the server may write nothing, so that it has
+/// no room for a copy.
+Result<RawRecording> parse_mat_file(const std::string& path, const std::string& name, const ColumnMapping& mapping);
+
 }  // namespace valvetriage

@@ -42,13 +42,21 @@ std::string last_part(const std::string& path) {
   return path.substr(path.find_last_of('/') + 1);
 }
 
-Result<RawRecording> parse(ByteSource& text, RecordingFormat format, const ReadOptions& options) {
+/// Where the bytes come from: `path` is empty unless they lie in a file of their own.
+struct Origin {
+  ByteSource& bytes;
+  std::string path{};
+};
+
+Result<RawRecording> parse(ByteSource& text, RecordingFormat format, const std::string& path_of_text,
+                           const ReadOptions& options) {
   switch (format) {
     case RecordingFormat::kJson:
       return parse_json_recording(text, options.name, options.mapping);
     case RecordingFormat::kMat:
       if (!options.allow_mat) return fail("mat_not_allowed", "MAT files are not read here");
-      return parse_mat_recording(text, options.name, options.mapping);
+      return path_of_text.empty() ? parse_mat_recording(text, options.name, options.mapping)
+                                  : parse_mat_file(path_of_text, options.name, options.mapping);
     case RecordingFormat::kCsv:
       break;
   }
@@ -61,17 +69,18 @@ struct RawRead {
   std::size_t bytes = 0;
 };
 
-Result<RawRead> read_raw(ByteSource& source, const ReadOptions& options) {
-  PeekedSource packed(source);
+Result<RawRead> read_raw(const Origin& origin, const ReadOptions& options) {
+  PeekedSource packed(origin.bytes);
   const auto packed_head = packed.peek();
   if (!packed_head) return tl::unexpected(packed_head.error());
-  const auto expanded = expand(compression_of_bytes(*packed_head), packed, options.max_expanded_bytes);
+  const Compression compression = compression_of_bytes(*packed_head);
+  const auto expanded = expand(compression, packed, options.max_expanded_bytes);
   HashedSource hashed(*expanded);
   PeekedSource text(hashed);
   const auto head = text.peek();
   if (!head) return tl::unexpected(head.error());
 
-  auto raw = parse(text, format_of(*head), options);
+  auto raw = parse(text, format_of(*head), compression == Compression::kNone ? origin.path : "", options);
   if (!raw) return tl::unexpected(raw.error());
   if (auto merged = apply_metadata_options(raw->metadata, options.metadata); !merged) {
     return tl::unexpected(merged.error());
@@ -80,8 +89,8 @@ Result<RawRead> read_raw(ByteSource& source, const ReadOptions& options) {
   return RawRead{std::move(*raw), hashed.sha256(), hashed.bytes()};
 }
 
-Result<ReadRecording> read(ByteSource& source, const ReadOptions& options) {
-  auto read = read_raw(source, options);
+Result<ReadRecording> read(const Origin& origin, const ReadOptions& options) {
+  auto read = read_raw(origin, options);
   if (!read) return tl::unexpected(read.error());
   auto recording = prepare_recording(std::move(read->raw), options.mapping);
   if (!recording) return tl::unexpected(recording.error());
@@ -97,7 +106,7 @@ Result<T> in_file(Result<T> read, const std::string& name) {
 
 template <typename Read>
 auto with_file(const std::string& path, const ReadOptions& options, const Read& read)
-    -> decltype(read(std::declval<ByteSource&>(), options)) {
+    -> decltype(read(std::declval<const Origin&>(), options)) {
   ReadOptions named = options;
   if (named.name.empty()) named.name = last_part(path);
   const OpenFile file(path);
@@ -107,7 +116,8 @@ auto with_file(const std::string& path, const ReadOptions& options, const Read& 
   }
   if (S_ISDIR(status.st_mode)) return cannot_read(named.name, "it is a folder");
   DescriptorSource source(file.descriptor());
-  return read(source, named);
+  // Opened anew under the descriptor's own name: what was opened once is what is read.
+  return read({source, S_ISREG(status.st_mode) ? fmt::format("/proc/self/fd/{}", file.descriptor()) : ""}, named);
 }
 
 }  // namespace
@@ -122,16 +132,18 @@ RecordingFormat format_of(std::string_view first_bytes) {
 }
 
 Result<ReadRecording> read_recording(ByteSource& source, const ReadOptions& options) {
-  return in_file(read(source, options), options.name);
+  return in_file(read({source}, options), options.name);
 }
 
 Result<ReadRecording> read_recording_file(const std::string& path, const ReadOptions& options) {
-  return with_file(path, options, read_recording);
+  return with_file(path, options, [](const Origin& origin, const ReadOptions& named) {
+    return in_file(read(origin, named), named.name);
+  });
 }
 
 Result<RawRecording> read_raw_recording_file(const std::string& path, const ReadOptions& options) {
-  return with_file(path, options, [](ByteSource& source, const ReadOptions& named) -> Result<RawRecording> {
-    auto read = in_file(read_raw(source, named), named.name);
+  return with_file(path, options, [](const Origin& origin, const ReadOptions& named) -> Result<RawRecording> {
+    auto read = in_file(read_raw(origin, named), named.name);
     if (!read) return tl::unexpected(read.error());
     return std::move(read->raw);
   });

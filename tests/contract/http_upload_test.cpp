@@ -6,6 +6,7 @@
 #include "server/wire/sha256.h"
 #include "tests/contract/bad_inputs.h"
 #include "tests/contract/http_fixture.h"
+#include "tests/contract/mat_file.h"
 
 namespace valvetriage {
 namespace {
@@ -56,6 +57,14 @@ TEST(HttpUpload, IsAcceptedWithItsHashItsLabelsAndItsLocation) {
   EXPECT_EQ(recording["test"], "step");
   EXPECT_EQ(recording["stand"], "stand-3");
   EXPECT_EQ(server.get(answer.header("Location") + "/raw").body, csv);
+}
+
+TEST(HttpUpload, OfAMatFileIsAnalysedInAChildThatMayWriteNothing) {
+  TestServer server({.workers = 1});
+  const RawAnswer answer = server.post("/v1/recordings?name=a.mat", test::good_mat({}));
+  ASSERT_EQ(answer.status, 202) << answer.body;
+  const Json recording = server.await(answer.header("Location"));
+  EXPECT_EQ(recording["state"], "done") << recording.dump();
 }
 
 TEST(HttpUpload, OfTheSameBytesForTheSameLotAndSerialIsTheFirstRecording) {
