@@ -24,6 +24,7 @@ enum ExitStatus : int { kDone = 0, kFailure = 1, kBadInput = 2, kVerdictNotGood 
   X(migrate) \
   X(paper) \
   X(plan) \
+  X(reading_child) \
   X(reference) \
   X(report) \
   X(restore) \

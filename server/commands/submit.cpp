@@ -191,7 +191,7 @@ Result<std::vector<Outcome>> submit(const SubmitArguments& arguments) {
   const Metadata& labels = options->metadata;
   auto client = open_client(arguments.server);
   if (!client) return tl::unexpected(client.error());
-  auto plan = http::plan_submissions(arguments.files, labels);
+  auto plan = http::plan_submissions(arguments.files, labels, options->mapping);
   if (!plan) return tl::unexpected(plan.error());
 
   const ProgressLine progress;

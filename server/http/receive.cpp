@@ -8,7 +8,9 @@
 #include "server/http/limits.h"
 #include "server/http/multipart.h"
 #include "server/wire/expand.h"
+#include "server/wire/json_recording.h"
 #include "server/wire/metadata_head.h"
+#include "server/wire/read_recording.h"
 
 namespace valvetriage::http {
 namespace {
@@ -60,12 +62,15 @@ Result<ReceivedFile> receive_file(Service& service, ByteSource& bytes, const std
   if (head.empty()) return tl::unexpected(in_file(Error{.code = "no_samples", .message = "the file is empty"}, name));
   auto metadata = metadata_head(head);
   if (!metadata) return tl::unexpected(in_file(metadata.error(), name));
+  const RecordingFormat format = format_of(head);
+  const bool labels_inside =
+      format == RecordingFormat::kMat || (format == RecordingFormat::kJson && metadata_json(*metadata).empty());
   if (auto applied = apply_metadata_options(*metadata, options); !applied) {
     return tl::unexpected(in_file(applied.error(), name));
   }
   auto blob = writer->commit();
   if (!blob) return tl::unexpected(blob.error());
-  return ReceivedFile{name, std::move(*blob), std::move(*metadata)};
+  return ReceivedFile{name, std::move(*blob), std::move(*metadata), labels_inside};
 }
 
 Result<std::vector<ReceivedFile>> receive_parts(Service& service, ByteSource& body, const std::string& boundary,

@@ -16,6 +16,7 @@ struct ReceivedFile {
   std::string name;
   StoredBlob blob;
   Metadata metadata;
+  bool labels_inside = false;  ///< its head cannot tell: a MAT file, or JSON with its metadata behind the columns
 };
 
 /// Streams every file of the body into the blob store: the raw body, or each part `file` of multipart/form-data.

@@ -1,7 +1,8 @@
 #include "server/http/stored_recording.h"
 
-#include "core/recording/columns.h"
-#include "server/wire/json.h"
+#include "core/recording/metadata.h"
+#include "core/recording/prepare.h"
+#include "server/jobs/reading_child.h"
 #include "server/wire/read_recording.h"
 
 namespace valvetriage::http {
@@ -9,13 +10,16 @@ namespace {
 
 constexpr std::chrono::seconds kPatience{5};
 
-Result<ColumnMapping> column_mapping(const std::string& options_json) {
-  const auto options = parse_json(options_json);
-  if (!options) return tl::unexpected(options.error());
-  auto mapping = parse_column_mapping(options->value("columns", ""));
-  if (mapping && options->contains("sample_rate_hz"))
-    mapping->sample_rate_hz = (*options)["sample_rate_hz"].get<double>();
-  return mapping;
+/// A MAT file, which this process never opens itself.
+Result<Recording> read_stored_mat(Service& service, const RecordingRow& row, const std::string& options_json,
+                                  const ReadOptions& options) {
+  auto raw = read_in_child({.path = service.blobs.path_of(row.sha256), .name = row.name, .options_json = options_json});
+  if (!raw && raw.error().code == "unreadable") return fail("not_available", raw.error().message);
+  if (!raw) return tl::unexpected(raw.error());
+  if (auto applied = apply_metadata_options(raw->metadata, options.metadata); !applied) {
+    return tl::unexpected(applied.error());
+  }
+  return prepare_recording(std::move(*raw), options.mapping);
 }
 
 }  // namespace
@@ -28,7 +32,7 @@ Result<ComputationPlace> ComputationPlace::take(Service& service) {
 Result<Recording> read_stored_recording(Service& service, const RecordingRow& row) {
   const auto job = service.store.job(row.job_id);
   if (!job) return tl::unexpected(job.error());
-  const auto mapping = column_mapping(job->options_json);
+  const auto mapping = column_mapping_of(job->options_json);
   if (!mapping) return tl::unexpected(mapping.error());
   ReadOptions options;
   options.name = row.name;
@@ -36,7 +40,7 @@ Result<Recording> read_stored_recording(Service& service, const RecordingRow& ro
   options.metadata.test = row.test;
   auto read = read_recording_file(service.blobs.path_of(row.sha256), options);
   if (!read && read.error().code == "mat_not_allowed") {
-    return fail("not_available", "series of MAT files are not shown; the raw file and the analysis are there");
+    return read_stored_mat(service, row, job->options_json, options);
   }
   if (!read) return tl::unexpected(read.error());
   return std::move(read->recording);

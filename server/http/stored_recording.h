@@ -27,7 +27,9 @@ class ComputationPlace {
 
 /// A stored recording as the analysis reads it: with the options of its newest job and the labels it was accepted with.
 ///
-/// Errors  those of read_recording; `not_available` for MAT files, which this process never opens
+/// A MAT file is read by a child, for this process never opens one.
+///
+/// Errors  those of read_recording; `not_available` where the child gave no answer
 Result<Recording> read_stored_recording(Service& service, const RecordingRow& row);
 
 }  // namespace valvetriage::http

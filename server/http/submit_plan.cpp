@@ -9,6 +9,7 @@
 #include "core/recording/text.h"
 #include "server/wire/expand.h"
 #include "server/wire/metadata_head.h"
+#include "server/wire/read_recording.h"
 #include "server/wire/sha256.h"
 
 namespace valvetriage::http {
@@ -42,7 +43,16 @@ class StreamSource : public ByteSource {
   std::ifstream& in_;
 };
 
-Result<Metadata> labels_of_file(const std::string& file) {
+/// One that cannot be read has no labels: the server refuses it, with its reason.
+Metadata labels_of_mat(const std::string& file, const ColumnMapping& mapping) {
+  ReadOptions options;
+  options.mapping = mapping;
+  options.allow_mat = true;  // a command of the file's owner
+  auto read = read_raw_recording_file(file, options);
+  return read ? std::move(read->metadata) : Metadata{};
+}
+
+Result<Metadata> labels_of_file(const std::string& file, const ColumnMapping& mapping) {
   std::ifstream in(file, std::ios::binary);
   if (!in || fs::is_directory(file)) return cannot_read(file);
   StreamSource source(in);
@@ -54,6 +64,7 @@ Result<Metadata> labels_of_file(const std::string& file) {
     if (!n || *n == 0) break;  // damaged files are refused by the server, with their reason
     size += *n;
   }
+  if (format_of(std::string_view(head).substr(0, size)) == RecordingFormat::kMat) return labels_of_mat(file, mapping);
   auto metadata = metadata_head(std::string_view(head).substr(0, size));
   if (!metadata) metadata.error().file = file;
   return metadata;
@@ -80,7 +91,7 @@ Result<void> add_folder(const fs::path& folder, std::vector<PlannedSubmission>& 
 }  // namespace
 
 Result<std::vector<PlannedSubmission>> plan_submissions(const std::vector<std::string>& arguments,
-                                                        const Metadata& labels) {
+                                                        const Metadata& labels, const ColumnMapping& mapping) {
   std::vector<PlannedSubmission> plan;
   std::map<std::pair<std::string, std::string>, std::size_t> by_valve;
   for (const std::string& argument : arguments) {
@@ -92,7 +103,7 @@ Result<std::vector<PlannedSubmission>> plan_submissions(const std::vector<std::s
       none.file = argument;
       return tl::unexpected(none);
     }
-    const auto said = labels_of_file(argument);
+    const auto said = labels_of_file(argument, mapping);
     if (!said) return tl::unexpected(said.error());
     const std::string serial = said->serial.value_or(labels.serial.value_or(""));
     const std::string lot = said->lot.value_or(labels.lot.value_or(""));

@@ -16,10 +16,11 @@ struct PlannedSubmission {
 /// Which files of a command line belong together: every folder (and every folder below it) that holds recordings is one
 /// submission; other files are grouped by lot and serial, read from their heads; a file without a serial stands alone.
 ///
-/// labels  what the command line says for all; it holds where a file says nothing
+/// labels   what the command line says for all; it holds where a file says nothing
+/// mapping  how MAT files are to be read
 /// Errors  `cannot_read` naming the file; `no_recordings` where a folder holds none; metadata that cannot be read
 Result<std::vector<PlannedSubmission>> plan_submissions(const std::vector<std::string>& arguments,
-                                                        const Metadata& labels);
+                                                        const Metadata& labels, const ColumnMapping& mapping = {});
 
 /// Equal for equal content: what makes a repeated upload safe. `route` carries labels and options.
 /// Errors  `cannot_read`

@@ -8,7 +8,10 @@
 #include "server/http/limits.h"
 #include "server/http/problem.h"
 #include "server/http/receive.h"
+#include "server/http/stored_recording.h"
 #include "server/http/views.h"
+#include "server/jobs/reading_child.h"
+#include "server/wire/json_recording.h"
 
 namespace valvetriage::http {
 namespace {
@@ -82,13 +85,23 @@ Result<Labels> common_labels(const std::vector<ReceivedFile>& files) {
   return labels;
 }
 
-Json metadata_json(const Metadata& metadata) {
-  Json object = Json::object();
-  for (const MetadataKey& key : metadata_keys()) {
-    if (const auto& value = metadata.*key.field) object[std::string(key.name)] = *value;
+/// What a file says of itself where its head does not tell. Of one that cannot be read nothing is known: its job will
+/// say why.
+Result<void> read_labels(Service& service, ReceivedFile& file, const std::string& options_json) {
+  if (!file.labels_inside) return {};
+  const auto place = ComputationPlace::take(service);
+  if (!place) return tl::unexpected(place.error());
+  auto read = read_in_child({.path = service.blobs.path_of(file.blob.sha256()),
+                             .name = file.name,
+                             .options_json = options_json,
+                             .labels_only = true});
+  if (!read) return {};
+  if (auto applied = apply_metadata_options(read->metadata, file.metadata); !applied) {
+    applied.error().file = file.name;
+    return applied;
   }
-  for (const auto& [name, value] : metadata.others) object[name] = value;
-  return object;
+  file.metadata = std::move(read->metadata);
+  return {};
 }
 
 Result<Accepted> accept_upload(Service& service, Request& request, bool alone) {
@@ -100,8 +113,11 @@ Result<Accepted> accept_upload(Service& service, Request& request, bool alone) {
   if (auto admitted = admit(service.store, service.blobs, service.limits); !admitted) {
     return tl::unexpected(admitted.error());
   }
-  const auto files = receive_files(service, request, alone ? 1 : kMaxFilesPerSubmission);
+  auto files = receive_files(service, request, alone ? 1 : kMaxFilesPerSubmission);
   if (!files) return tl::unexpected(files.error());
+  for (ReceivedFile& file : *files) {
+    if (auto read = read_labels(service, file, dump_json(*options)); !read) return tl::unexpected(read.error());
+  }
   const auto labels = common_labels(*files);
   if (!labels) return tl::unexpected(labels.error());
   AcceptRequest accept{.labels = *labels,

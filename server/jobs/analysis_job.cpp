@@ -4,8 +4,8 @@
 
 #include <algorithm>
 
-#include "core/recording/columns.h"
 #include "server/jobs/analyze_session.h"
+#include "server/jobs/reading_child.h"
 #include "server/report/valve_residuals.h"
 #include "server/wire/discrepancy_json.h"
 #include "server/wire/json_fields.h"
@@ -23,14 +23,13 @@ struct JobOptions {
 };
 
 Result<JobOptions> job_options(const std::string& options_json) {
+  auto mapping = column_mapping_of(options_json);
+  if (!mapping) return tl::unexpected(mapping.error());
   const auto document = parse_json(options_json);
   if (!document) return tl::unexpected(document.error());
   std::optional<Error> error;
   JsonFields fields(*document, "", error);
-  auto mapping = parse_column_mapping(fields.text_or("columns", ""));
-  if (!mapping) return tl::unexpected(mapping.error());
   JobOptions options{.mapping = std::move(*mapping), .baseline = std::nullopt};
-  options.mapping.sample_rate_hz = fields.optional_number("sample_rate_hz");
   if (fields.has("baseline")) options.baseline = baseline_kind_from(fields.text("baseline"));
   if (error) return tl::unexpected(*error);
   return options;

@@ -294,6 +294,15 @@ Result<RawRecording> parse(ByteSource& source, const std::string& name, const Co
 
 }  // namespace
 
+Json metadata_json(const Metadata& metadata) {
+  Json object = Json::object();
+  for (const MetadataKey& key : metadata_keys()) {
+    if (const auto& value = metadata.*key.field) object[std::string(key.name)] = *value;
+  }
+  for (const auto& [name, value] : metadata.others) object[name] = value;
+  return object;
+}
+
 Result<RawRecording> parse_json_recording(ByteSource& source, const std::string& name, const ColumnMapping& mapping) {
   auto raw = parse(source, name, mapping);
   if (raw) return raw;

@@ -3,6 +3,7 @@
 #include <string>
 
 #include "core/recording/parse_csv.h"
+#include "server/wire/json.h"
 
 namespace valvetriage {
 
@@ -15,5 +16,8 @@ namespace valvetriage {
 ///          line and column are where the reader stood
 /// Memory   at most 3 times the parsed arrays: their length is not known before they end
 Result<RawRecording> parse_json_recording(ByteSource& source, const std::string& name, const ColumnMapping& mapping);
+
+/// The `metadata` object of such a recording.
+Json metadata_json(const Metadata& metadata);
 
 }  // namespace valvetriage

@@ -67,6 +67,70 @@ TEST(HttpUpload, OfAMatFileIsAnalysedInAChildThatMayWriteNothing) {
   EXPECT_EQ(recording["state"], "done") << recording.dump();
 }
 
+TEST(HttpUpload, OfAMatFileIsKnownByTheLabelsInsideItFromTheFirstAnswerOn) {
+  TestServer server({.workers = 1});
+  const std::string mat =
+      test::good_mat({{"serial", "EFC-9"}, {"lot", "lot-9"}, {"stand", "stand-3"}, {"test", "step"}});
+  const RawAnswer answer = server.post("/v1/recordings?name=a.mat&valve_type=type-1", mat);
+  ASSERT_EQ(answer.status, 202) << answer.body;
+  const Json recording = json_of(answer);
+  EXPECT_EQ(recording["serial"], "EFC-9");
+  EXPECT_EQ(recording["lot"], "lot-9");
+  EXPECT_EQ(recording["stand"], "stand-3");
+  EXPECT_EQ(recording["test"], "step");
+  EXPECT_EQ(recording["valve_type"], "type-1");
+  EXPECT_EQ(server.await(answer.header("Location"))["state"], "done");
+  EXPECT_EQ(json_of(server.get("/v1/submissions?serial=EFC-9"))["items"].size(), 1u);
+  EXPECT_EQ(json_of(server.get("/v1/lots/lot-9"))["valves"], 1);
+  const RawAnswer again = server.post("/v1/recordings?name=a.mat&valve_type=type-1", mat);
+  EXPECT_EQ(again.status, 200);
+  EXPECT_EQ(json_of(again)["id"], recording["id"]);
+  const RawAnswer contradicted = server.post("/v1/recordings?name=a.mat&serial=EFC-10", mat);
+  EXPECT_EQ(contradicted.status, 422);
+  EXPECT_EQ(code_of(contradicted), "contradicting_metadata");
+  EXPECT_EQ(json_of(contradicted)["file"], "a.mat");
+}
+
+TEST(HttpUpload, OfAMatFileIsDrawnLikeTheSameNumbersAsCsv) {
+  TestServer server({.workers = 1});
+  const Json from_mat = json_of(server.post("/v1/recordings?name=a.mat", test::good_mat({{"serial", "EFC-9"}})));
+  const Json from_csv = json_of(server.post("/v1/recordings?name=a.csv", good_csv("EFC-10")));
+  for (const char* what : {"input", "measured"}) {
+    const Json mat = json_of(server.get(from_mat["links"]["series"].get<std::string>() + "?what=" + what));
+    const Json csv = json_of(server.get(from_csv["links"]["series"].get<std::string>() + "?what=" + what));
+    EXPECT_EQ(mat["unit"], csv["unit"]);
+    EXPECT_EQ(mat["time_s"], csv["time_s"]) << what;
+    ASSERT_EQ(mat["values"].size(), csv["values"].size());
+    for (std::size_t i = 0; i < mat["values"].size(); ++i) {
+      EXPECT_NEAR(mat["values"][i].get<double>(), csv["values"][i].get<double>(), 0.0005);  // its CSV has three digits
+    }
+  }
+  EXPECT_EQ(server.get(from_mat["links"]["marks"].get<std::string>()).status, 200);
+}
+
+TEST(HttpUpload, OfADamagedMatFileIsAcceptedWithoutLabelsAndRejectedByItsJob) {
+  TestServer server({.workers = 1});
+  const std::string mat = test::good_mat({{"serial", "EFC-9"}});
+  const RawAnswer answer = server.post("/v1/recordings?name=a.mat", mat.substr(0, mat.size() / 2));
+  ASSERT_EQ(answer.status, 202);
+  EXPECT_TRUE(json_of(answer)["serial"].is_null());
+  EXPECT_EQ(server.await(answer.header("Location"))["state"], "rejected");
+}
+
+TEST(HttpUpload, OfJsonIsKnownByItsLabelsAlsoWhereTheyStandBehindTheColumns) {
+  TestServer server({});
+  Json columns{{"time_s", Json::array()}, {"current_A", Json::array()}, {"pressure_psi", Json::array()}};
+  for (int i = 0; i < 100; ++i) {
+    columns["time_s"].push_back(0.005 * i);
+    columns["current_A"].push_back(i < 50 ? 1.2 : 1.4);
+    columns["pressure_psi"].push_back(20 + i % 7);
+  }
+  const Json recording{{"columns", columns}, {"metadata", {{"serial", "EFC-9"}, {"lot", "lot-9"}}}};
+  const Json accepted = json_of(server.post("/v1/recordings?name=a.json", recording.dump()));
+  EXPECT_EQ(accepted["serial"], "EFC-9");
+  EXPECT_EQ(accepted["lot"], "lot-9");
+}
+
 TEST(HttpUpload, OfTheSameBytesForTheSameLotAndSerialIsTheFirstRecording) {
   TestServer server({});
   const Json first = json_of(server.post("/v1/recordings", good_csv("EFC-1")));

@@ -4,6 +4,7 @@
 
 #include <fstream>
 
+#include "tests/contract/mat_file.h"
 #include "tests/contract/temporary_folder.h"
 
 namespace valvetriage::http {
@@ -44,6 +45,19 @@ TEST_F(SubmitPlan, GroupsFilesByLotAndSerialOfTheirHeads) {
                        {});
   ASSERT_TRUE(plan);
   EXPECT_EQ(sizes(*plan), (std::vector<std::size_t>{2, 1, 1, 1, 1}));
+  EXPECT_EQ((*plan)[0].title, "x A");
+}
+
+TEST_F(SubmitPlan, GroupsMatFilesByTheLabelsInsideThem) {
+  std::vector<std::string> files;
+  for (const char* serial : {"A", "B", "A"}) {
+    files.push_back(folder_.file(std::to_string(files.size()) + ".mat"));
+    std::ofstream(files.back(), std::ios::binary) << test::good_mat({{"serial", serial}, {"lot", "x"}});
+  }
+  files.push_back(write("damaged.mat", "MATLAB 5.0"));
+  const auto plan = plan_submissions(files, {});
+  ASSERT_TRUE(plan);
+  EXPECT_EQ(sizes(*plan), (std::vector<std::size_t>{2, 1, 1}));
   EXPECT_EQ((*plan)[0].title, "x A");
 }
 
