@@ -2,13 +2,12 @@
 import { Problem, authorization, get, post } from "./api.js";
 import { address, append, el, field, options } from "./dom.js";
 import { follow } from "./events.js";
+import { labelsOf } from "./file_labels.js";
 import { bytes, counted, isFinal, verdictMark } from "./format.js";
 import { problemText } from "./valve_view.js";
 
 const AT_A_TIME = 3;
 const ROWS_AT_ONCE = 40; // listed between two frames
-const HEAD_BYTES = 4096;
-const JSON_BYTES = 4e6; // a session of 40,000 samples
 const FILE = /\.(csv|txt|json|mat)(\.gz|\.zst)?$/i;
 const MAY_BE_REPEATED = ["failed", "poisoned", "cancelled"];
 const LABELS = ["serial", "lot", "valve_type", "stand"];
@@ -33,62 +32,18 @@ async function droppedFiles(items) {
   return found;
 }
 
-/// The first characters of a file, unpacked where it is gzip.
-async function headOf(file, most) {
-  if (!/\.gz$/i.test(file.name)) return file.slice(0, most).text();
-  const reader = file.stream().pipeThrough(new DecompressionStream("gzip")).pipeThrough(new TextDecoderStream()).getReader();
-  let text = "";
-  try {
-    while (text.length < most) {
-      const { value, done } = await reader.read();
-      if (done) break;
-      text += value;
-    }
-  } catch {
-    // No gzip after all: the server says so when it is sent.
-  }
-  reader.cancel().catch(() => {});
-  return text.slice(0, most);
-}
-
-/// `metadata` of a JSON recording that is small enough to be read here; null where it is not.
-async function jsonLabels(file) {
-  if (file.size > JSON_BYTES) return null;
-  try {
-    const { metadata } = JSON.parse(await headOf(file, 20 * JSON_BYTES));
-    return Object.fromEntries(Object.entries(metadata ?? {}).filter(([, value]) => typeof value === "string"));
-  } catch {
-    return {}; // the server says what is wrong with it
-  }
-}
-
-/// What a file says of itself: `# key: value` lines at the head of a CSV, `metadata` of a JSON; null of a MAT file, of one
-/// packed by zstd (which browsers do not unpack) and of a very large JSON: the server reads those.
-async function labelsOf(file) {
-  if (/\.json(\.gz)?$/i.test(file.name)) return jsonLabels(file);
-  if (!/\.(csv|txt)(\.gz)?$/i.test(file.name)) return null;
-  const text = await headOf(file, HEAD_BYTES);
-  const labels = {};
-  for (const line of text.split(/\r?\n/)) {
-    if (!line.startsWith("#")) break;
-    const at = line.indexOf(":");
-    if (at > 0) labels[line.slice(1, at).trim()] = line.slice(at + 1).trim();
-  }
-  return labels;
-}
-
 /// Files that belong together: of one folder, else of one lot and serial, else each alone. `unread`: what a file of the
-/// group says of itself is not known here; `mat`: one of them is a MAT file, whose labels are checked in the analysis alone.
+/// group says of itself is not known here.
 async function grouped(found) {
   const groups = new Map();
   for (const { file, folder } of found) {
     const read = await labelsOf(file);
     const labels = read ?? {};
     const key = folder || (labels.serial ? `${labels.lot ?? ""}\n${labels.serial}` : `${groups.size} ${file.name}`);
-    const group = groups.get(key) ?? groups.set(key, { files: [], labels, folder, unread: false, mat: false }).get(key);
+    const group = groups.get(key) ?? groups.set(key, { files: [], labels: {}, folder, unread: false }).get(key);
     group.files.push(file);
+    group.labels = { ...labels, ...group.labels };
     if (read === null) group.unread = true;
-    if (/\.mat(\.gz|\.zst)?$/i.test(file.name)) group.mat = true;
   }
   return [...groups.values()];
 }
@@ -120,15 +75,14 @@ function send(group, labels, onSent, signal) {
   });
 }
 
-const UNREAD = "waits; the server reads what this file says of itself, after the upload";
-const MAT = "waits; lists do not show what a MAT file says of itself: enter its serial and lot here";
+const UNREAD = "waits; the server reads what this file says of itself as it comes in";
 
 /// The row of one valve: its labels, what becomes of it, and a button to try again.
 function groupRow(group, defaults) {
-  const inputs = Object.fromEntries(LABELS.map((name) => [name, el("input", { value: group.labels[name] ?? "", placeholder: defaults[name].value || (group.unread && !group.mat ? "in the file?" : "–"),
+  const inputs = Object.fromEntries(LABELS.map((name) => [name, el("input", { value: group.labels[name] ?? "", placeholder: defaults[name].value || (group.unread ? "in the file?" : "–"),
     "aria-label": `${name} of ${group.files[0].name}`, spellcheck: "false" })]));
   const bar = el("progress", { max: "1", value: "0", "aria-label": `progress of ${group.files[0].name}` });
-  const status = el("span", {}, group.mat ? MAT : group.unread ? UNREAD : "waits");
+  const status = el("span", {}, group.unread ? UNREAD : "waits");
   const retry = el("button", { type: "button", hidden: true }, "Try again");
   const size = group.files.reduce((sum, file) => sum + file.size, 0);
   const files = group.files.length === 1 ? group.files[0].name : `${group.folder.replace(/^\//, "") || "together"}: ${group.files.length} files`;
@@ -247,6 +201,7 @@ export async function showUpload({ signal }) {
     try {
       row.say("sending");
       const submission = group.failed ?? await send(group, { ...row.labels(), condition: condition.value }, (share) => row.progress(0.5 * share), signal);
+      row.fill(submission);
       if (group.failed) submission.job_id = (await post(`/v1/submissions/${submission.id}/reanalyze`)).id;
       row.say("queued");
       jobs.ended(submission, row).then((done) => {
@@ -322,7 +277,7 @@ export async function showUpload({ signal }) {
     } },
   el("p", { class: "big" }, "Drop recordings here"),
   el("p", {}, "Files of one folder are one valve's session; other files go together by the lot and serial they name. ",
-    "CSV and JSON, also as .gz, are read here; what a .zst file says of itself the server reads after the upload, and a .mat file is listed by what you enter, so drop those of one valve as a folder."),
+    "CSV, JSON and MAT, also as .gz, are taken; what a .zst file says of itself the server reads as it comes in, so drop those of one valve as a folder."),
   el("div", { class: "filters" }, field("Choose files", files), field("Choose a folder", folder)));
   const node = el("div", {}, el("h1", {}, "Upload"), zone,
     el("fieldset", { class: "filters" }, el("legend", {}, "For files that do not say so themselves"),

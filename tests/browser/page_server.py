@@ -1,9 +1,11 @@
 """The server that the tests of the page talk to, and the recordings they send it."""
 import json
 import math
+import struct
 import subprocess
 import time
 import urllib.request
+import zlib
 
 HOSTILE = '<img src=x onerror="window.hacked=1">'
 
@@ -32,6 +34,31 @@ def zstd_frame(content):
         last = begin + most >= len(content)
         frame += (len(block) << 3 | last).to_bytes(3, "little") + block
     return frame
+
+
+def mat_file(csv, packed=False, **labels):
+    """The numbers of a CSV recording as a MAT v5 file with these texts; packed: each variable by zlib, as MATLAB saves."""
+    def element(kind, data):
+        if len(data) <= 4:
+            return struct.pack("<HH", kind, len(data)) + data.ljust(4, b"\0")
+        return struct.pack("<II", kind, len(data)) + data + b"\0" * (-len(data) % 8)
+
+    def variable(name, kind, count, data_kind, data):
+        flags = element(6, struct.pack("<II", kind, 0))
+        matrix = element(14, flags + element(5, struct.pack("<ii", 1, count)) + element(1, name.encode()) + element(data_kind, data))
+        if not packed:
+            return matrix
+        pressed = zlib.compress(matrix)
+        return struct.pack("<II", 15, len(pressed)) + pressed
+
+    lines = [line.split(",") for line in csv.splitlines() if not line.startswith("#")]
+    columns = {name: [float(line[i]) for line in lines[1:]] for i, name in enumerate(lines[0])}
+    file = b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack("<H", 0x0100) + b"IM"
+    for name, values in columns.items():
+        file += variable(name, 6, len(values), 9, struct.pack(f"<{len(values)}d", *values))
+    for name, text in labels.items():
+        file += variable(name, 4, len(text), 4, text.encode("utf-16-le"))
+    return file
 
 
 class Server:

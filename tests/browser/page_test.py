@@ -13,7 +13,7 @@ import urllib.parse
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
 from chromium import Chromium  # noqa: E402
-from page_server import HOSTILE, Server, recording, zstd_frame  # noqa: E402
+from page_server import HOSTILE, Server, mat_file, recording, zstd_frame  # noqa: E402
 
 
 class Page(unittest.TestCase):
@@ -59,6 +59,15 @@ class Page(unittest.TestCase):
 
     def tearDown(self):
         self.assertEqual(self.browser.errors, [])
+
+    def own_server(self):
+        """Another one for this test alone: the lists of the other tests stay as they are."""
+        folder = tempfile.TemporaryDirectory(prefix="valvetriage-")
+        self.addCleanup(folder.cleanup)
+        server = Server(SERVER, folder.name)
+        self.addCleanup(server.end)
+        self.addCleanup(self.browser.open, "about:blank")
+        return server
 
     def session(self, serial):
         return self.server.get(f"/v1/submissions?serial={urllib.parse.quote(serial, safe='')}")["items"][0]
@@ -214,35 +223,63 @@ class Page(unittest.TestCase):
                   for name in ("packed.csv.gz", "document.json", "broken.json")}
         self.assertEqual(values, {"packed.csv.gz": "EFC-GZ", "document.json": "EFC-JSON", "broken.json": ""})
 
+    def test_the_head_of_a_csv_is_read_by_the_servers_rule(self):
+        self.open("/upload", "Drop recordings here")
+        head = ("# Serial: EFC-1\n\n# condition: returned    (as sent in)\n# stand: stand-3       # tested_at: 2026-08-03T09:12:44Z    # claim: #7\n"
+                "# a remark\n# lot:\n# lot: A # B\ntime_s,current_A\n# valve_type: no\n")
+        said = self.browser.run(f"import('/web/file_labels.js').then((m) => m.headLabels({json.dumps(head)}))")
+        self.assertEqual(said, {"serial": "EFC-1", "condition": "returned", "stand": "stand-3", "tested_at": "2026-08-03T09:12:44Z", "claim": "#7", "lot": "A"})
+        stored = self.own_server().send(head.split("time_s")[0].replace("EFC-1", "EFC-RULE").replace("# lot: A # B", "# lot: by-rule # B")
+                                  + recording("x", "y").split("# test: step\n")[1])
+        self.assertEqual((stored["serial"], stored["stand"], stored["lot"], stored["condition"]), ("EFC-RULE", "stand-3", "by-rule", "returned"))
+
+    def test_mat_files_are_grouped_by_the_labels_inside_them_and_end_like_any_other(self):
+        csv = recording("x", "y")
+        files = {"one.mat": mat_file(csv, serial="EFC-M1", lot="2026-W44"), "two.mat": mat_file(csv, packed=True, serial="EFC-M2", lot="2026-W44", stand="s3"),
+                 "more.mat": mat_file(csv, packed=True, lot="2026-W44", serial="EFC-M1", note="\u00e4" * 5000)}
+        for name, content in files.items():
+            (self.folder / name).write_bytes(content)
+        server = self.own_server()
+        self.browser.open(f"{server.url}/#/upload")
+        self.browser.wait_for_text("Drop recordings here")
+        self.browser.set_files("#choose-files", [self.folder / name for name in files])
+        self.browser.wait_for_text("Upload 2 valves")
+        value = "document.querySelector('input[aria-label=\"{} of {}\"]').value"
+        for name, labels in (("one.mat", ("EFC-M1", "2026-W44", "")), ("two.mat", ("EFC-M2", "2026-W44", "s3"))):
+            self.assertEqual(tuple(self.browser.run(value.format(label, name)) for label in ("serial", "lot", "stand")), labels)
+        self.browser.run("document.querySelector('button.primary').click()")
+        self.browser.wait_for_text("2 of 2 valves have ended.")
+        self.assertIn("● Good EFC-M1", self.browser.text())
+        rows = server.get("/v1/submissions?lot=2026-W44")["items"]
+        self.assertEqual({row["serial"]: row["recordings"] for row in rows}, {"EFC-M1": 2, "EFC-M2": 1})
+        self.browser.open(f"{server.url}/#/valve/{rows[0]['id']}")
+        self.browser.wait("document.querySelectorAll('.plots canvas').length >= 3")
+
     def test_a_file_that_the_browser_cannot_open_says_so_and_shows_what_the_server_read_in_it(self):
         plain = self.folder / "plain.csv"
         plain.write_text(recording("EFC-ZST", "2026-W42"))
         packed = self.folder / "packed.csv.zst"
         packed.write_bytes(zstd_frame(plain.read_bytes()))
-        mat = self.folder / "one.mat"
-        mat.write_bytes(b"MATLAB 5.0 MAT-file")
-        (self.folder / "other").mkdir()
-        server = Server(SERVER, str(self.folder / "other"))  # the lists of the other tests stay as they are
+        damaged = self.folder / "damaged.mat"
+        damaged.write_bytes(b"MATLAB 5.0 MAT-file")
+        server = self.own_server()
         self.browser.open(f"{server.url}/#/upload")
         self.browser.wait_for_text("Drop recordings here")
-        self.browser.set_files("#choose-files", [packed, mat])
+        self.browser.set_files("#choose-files", [packed, damaged])
         self.browser.wait_for_text("Upload 2 valves")
         self.browser.wait_for_text("the server reads what this file says of itself")
-        self.browser.wait_for_text("enter its serial and lot here")
         serial = "document.querySelector('input[aria-label=\"serial of packed.csv.zst\"]')"
         self.assertEqual(self.browser.run(f"{serial}.value"), "")
         self.browser.run("document.querySelector('button.primary').click()")
         self.browser.wait_for_text("2 of 2 valves have ended.")
+        self.assertRegex(self.browser.text(), r"rejected .*MAT file: found a damaged head")
         self.assertEqual(self.browser.run(f"[{serial}.value, {serial}.readOnly]"), ["EFC-ZST", True])
-        self.browser.open("about:blank")
-        server.end()
 
     def test_an_analysis_that_ended_without_its_files_fault_may_be_started_again(self):
         go = self.folder / "go"
         file = self.folder / "held.csv"
         file.write_text(recording("EFC-HELD", "2026-W43", complaint=f"wait {go}"))
-        (self.folder / "third").mkdir()
-        server = Server(SERVER, str(self.folder / "third"))
+        server = self.own_server()
         self.browser.open(f"{server.url}/#/upload")
         self.browser.wait_for_text("Drop recordings here")
         self.browser.set_files("#choose-files", [file])
@@ -266,8 +303,6 @@ class Page(unittest.TestCase):
         self.browser.open(f"{server.url}/#/valve/{session}")
         self.browser.wait_for_text("The newest analysis: cancelled. Shown is the result before it.")
         self.assertIn("● Good", self.browser.text())
-        self.browser.open("about:blank")
-        server.end()
 
     def test_a_label_that_contradicts_its_file_is_refused_in_words_and_may_be_sent_again(self):
         file = self.folder / "contradicted.csv"
