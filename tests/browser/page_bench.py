@@ -161,10 +161,16 @@ def main():
             browser.open("about:blank")
             browser.open(f"{server.url}/#/upload")
             browser.wait_for_text("Drop recordings here")
-            browser.run(FRAMES)
-            browser.set_files("#choose-files", sorted(files.iterdir()))
-            browser.wait_for_text(f"Upload {FILES} valves")
-            listed_ms, long_ms = (sorted(of) for of in browser.run("cancelAnimationFrame(window.frames_timer), [window.frames_ms, window.long_ms]"))
+            # What chooses files for this browser is the test's tool: it asks the disk for each while the page's thread waits.
+            # So it chooses them in an input of the test's own, and the page's input is given them after that.
+            browser.run("document.body.insertAdjacentHTML('beforeend', '<input type=file id=of-the-bench multiple aria-label=files>')")
+            browser.set_files("#of-the-bench", sorted(files.iterdir()))
+            choose = """{
+              const input = document.querySelector('#choose-files');
+              input.files = document.querySelector('#of-the-bench').files;
+              setTimeout(() => input.dispatchEvent(new Event('change')));
+            }"""
+            listed_ms, long_ms = frames(browser, choose, f"document.querySelector('button.primary').textContent === 'Upload {FILES} valves'")
             table.append((f"{FILES} files chosen at once: until each is listed with its labels; longest between frames; tasks longer than 50 ms",
                           f"{sum(listed_ms) / 1000:.1f} s; {listed_ms[-1]:.0f} ms; {long_tasks(long_ms)}"))
             times, long_ms = frames(browser, "document.querySelector('button.primary').click()", f"document.querySelector('main').innerText.includes('{FILES} of {FILES} valves have ended.')")
