@@ -142,8 +142,8 @@ export function residualChart({ time_s: times, mean, sd, good, label }) {
 const GROUPS_AT_MOST = 40;
 const VERDICTS = ["Good", "Malfunctioned", "Severe", null];
 
-/// Columns of the verdicts of consecutive valves, oldest first.
-export function verdictColumns(valves, height = 200) {
+/// Columns of the verdicts of consecutive valves, oldest first. hrefOf(group, verdict)  the view of a piece's valves
+export function verdictColumns(valves, hrefOf, height = 200) {
   const size = Math.max(1, Math.ceil(valves.length / GROUPS_AT_MOST));
   const groups = [];
   for (let i = 0; i < valves.length; i += size) groups.push(valves.slice(i, i + size));
@@ -156,7 +156,8 @@ export function verdictColumns(valves, height = 200) {
     for (const verdict of VERDICTS) {
       const count = group.filter((valve) => (valve.verdict ?? null) === verdict).length;
       if (count === 0) continue;
-      node.append(svg("rect", { class: `mark ${verdict?.toLowerCase() ?? "none"}`, x: x(i) - width / 2, width, y: y(below + count), height: y(below) - y(below + count) },
+      node.append(opens(hrefOf(group, verdict),
+        svg("rect", { class: `mark ${verdict?.toLowerCase() ?? "none"}`, x: x(i) - width / 2, width, y: y(below + count), height: y(below) - y(below + count) }),
         svg("title", {}, `${count} ${verdict ?? "without verdict"}, from ${group[0].received_at}`)));
       below += count;
     }

@@ -19,15 +19,26 @@ function chance(p) {
 /// A word beside the number: a difference is not told by a colour alone.
 const differs = (p) => (p !== null && p < CLEAR ? el("strong", {}, `${chance(p)} differ`) : chance(p));
 
+/// The valves of a lot stand in it; those of a stand over all lots in the list, which knows no conclusions.
+function verdictView(name, { lot, stand }) {
+  if (lot) return address("lot", lot, { stand, verdict: VERDICTS.includes(name) ? name : "none" });
+  return VERDICTS.includes(name) ? address("valves", null, { stand, verdict: name }) : null;
+}
+
+function causeView(name, { lot, stand }) {
+  if (lot) return address("lot", lot, isCause(name) ? { stand, named: name } : { stand, conclusion: name, named: "none" });
+  return isCause(name) ? address("valves", null, { stand, cause: name }) : null;
+}
+
 const outcomeName = (name) => (isCause(name) ? spoken(name) : conclusionWords(name));
 
-/// filterOf(name)  the filter of the list that shows a share's valves, {verdict: "Good"}; null where there is none
-function shareTable(shares, sides, caption, nameOf, found, filterOf) {
-  const cell = (share, count, total, { lot, stand }) => {
+/// viewOf(name, side)  the address that shows a share's valves; null where there is none
+function shareTable(shares, sides, caption, nameOf, found, viewOf) {
+  const cell = (share, count, total, side) => {
     if (!total) return "–";
     const text = `${count} (${Math.round(100 * count / total)} %)`;
-    const filter = filterOf(share.name);
-    return count && filter ? el("a", { href: address("valves", null, { lot, stand, ...filter }) }, text) : text;
+    const href = count ? viewOf(share.name, side) : null;
+    return href ? el("a", { href }, text) : text;
   };
   return table([
     { title: caption, value: (share) => nameOf(share.name) },
@@ -102,8 +113,8 @@ export async function showCompare({ parameters, signal }) {
     found ? [
       el("p", {}, el("bdi", {}, sides[0]), `: ${counted(found.a.valves, "valve")}; `, el("bdi", {}, sides[1]), `: ${counted(found.b.valves, "valve")}. `,
         "The chance is that of so large a difference between two halves of one population."),
-      section("Verdicts", shareTable(found.verdicts, heads, "Verdict", (name) => name, found, (name) => (VERDICTS.includes(name) ? { verdict: name } : null))),
-      section("Causes", shareTable(found.causes, heads, "Cause", outcomeName, found, (name) => (isCause(name) ? { cause: name } : null))),
+      section("Verdicts", shareTable(found.verdicts, heads, "Verdict", (name) => name, found, verdictView)),
+      section("Causes", shareTable(found.causes, heads, "Cause", outcomeName, found, causeView)),
       section("Error by level", levelTable(found.levels, heads)),
     ] : el("p", { class: "empty" }, "Choose two lots, two stands, or one lot on two stands."),
     section("Stands", standTable(stands.items)));

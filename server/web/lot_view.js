@@ -3,7 +3,7 @@ import { get } from "./api.js";
 import { individualsChart, verdictColumns } from "./chart.js";
 import { alarmList, currentAlarms } from "./compare_view.js";
 import { address, el, field, keepInAddress, options, section } from "./dom.js";
-import { causesCell, counted, featureWords, figure, qValue, spoken, time, verdictMark } from "./format.js";
+import { causesCell, conclusionWords, counted, featureWords, figure, qValue, spoken, time, verdictMark } from "./format.js";
 import { barRow } from "./gain_bar.js";
 import { parametersPart } from "./lot_parameters.js";
 import { patternsPart } from "./lot_patterns.js";
@@ -68,7 +68,7 @@ function pareto(lot, valves) {
   const sorted = [...tally].sort((a, b) => b[1] - a[1]);
   const ofCause = (cause) => few(expectedFalse(names.filter((name) => name.cause === cause)));
   const apart = [["ambiguous", "Not settled"], ["unexplained", "Unexplained"]]
-    .map(([conclusion, title]) => [title, valves.filter((v) => v.conclusion === conclusion).length]).filter(([, count]) => count > 0);
+    .map(([conclusion, title]) => [el("a", { href: address("lot", lot, { conclusion }) }, title), valves.filter((v) => v.conclusion === conclusion).length]).filter(([, count]) => count > 0);
   if (sorted.length + apart.length === 0) return el("p", { class: "empty" }, "No valve of this lot has a cause.");
   const all = sorted.reduce((sum, [, count]) => sum + count, 0);
   const largest = Math.max(...sorted.map(([, count]) => count), ...apart.map(([, count]) => count));
@@ -76,7 +76,7 @@ function pareto(lot, valves) {
   const bars = el("table", { class: "bars" }, el("caption", {}, "Valves by settled cause, the cumulated share, and how many of the names are expected to be false"), el("tbody", {},
     sorted.map(([cause, count]) => {
       sum += count;
-      return barRow(el("a", { href: address("valves", null, { lot, cause }) }, spoken(cause)), "tally", count / largest, `${count} (${Math.round(100 * sum / all)} %), false: ${ofCause(cause)}`);
+      return barRow(el("a", { href: address("lot", lot, { named: cause }) }, spoken(cause)), "tally", count / largest, `${count} (${Math.round(100 * sum / all)} %), false: ${ofCause(cause)}`);
     }),
     apart.map(([title, count]) => barRow(title, "floor", count / largest, String(count)))));
   return el("div", {}, bars, falseNames(names));
@@ -162,10 +162,10 @@ function verdictBars(lot, verdicts) {
   const names = ["Good", "Malfunctioned", "Severe"];
   const all = Object.values(verdicts).reduce((sum, valves) => sum + valves, 0);
   if (all === 0) return el("p", { class: "empty" }, "No valve of this lot has been analysed yet.");
-  const row = (name, text, valves, kind) => barRow(text, kind, valves / all, String(valves));
+  const row = (name, title, valves, kind) => barRow(el("a", { href: address("lot", lot, { verdict: name }) }, title), kind, valves / all, String(valves));
   return el("table", { class: "bars" }, el("caption", {}, "Valves by verdict"), el("tbody", {},
-    names.map((name) => row(name, el("a", { href: address("valves", null, { lot, verdict: name }) }, name), verdicts[name] ?? 0, name.toLowerCase())),
-    verdicts.null ? row("null", "No verdict", verdicts.null, "floor") : null));
+    names.map((name) => row(name, name, verdicts[name] ?? 0, name.toLowerCase())),
+    verdicts.null ? row("none", "No verdict", verdicts.null, "floor") : null));
 }
 
 /// The stands the lot was tested on, each to be laid beside another.
@@ -178,19 +178,46 @@ function standPart(lot, valves) {
   }
   const rows = [...stands].map(([stand, of]) => ({ stand, of }));
   const share = (row, test) => row.of.filter(test).length;
+  const part = (row, test, filter) => (row.stand && share(row, test) ? el("a", { href: address("lot", lot, { stand: row.stand, ...filter }) }, String(share(row, test))) : String(share(row, test)));
+  const isUnexplained = (v) => v.conclusion === "unexplained";
   const other = (row) => rows.find((r) => r.stand && r !== row);
   return table([
-    { title: "Stand", value: (row) => row.stand, show: (row) => (row.stand ? el("a", { href: address("valves", null, { lot, stand: row.stand }) }, row.stand) : "not named") },
+    { title: "Stand", value: (row) => row.stand, show: (row) => (row.stand ? el("a", { href: address("lot", lot, { stand: row.stand }) }, row.stand) : "not named") },
     { title: "Valves", value: (row) => row.of.length, number: true },
-    ...["Good", "Malfunctioned", "Severe"].map((verdict) => ({ title: verdict, value: (row) => share(row, (v) => v.verdict === verdict), number: true })),
-    { title: "Named", value: (row) => share(row, (v) => v.causes.length > 0), number: true },
-    { title: "Unexplained", value: (row) => share(row, (v) => v.conclusion === "unexplained"), number: true },
+    ...["Good", "Malfunctioned", "Severe"].map((verdict) => ({ title: verdict, value: (row) => share(row, (v) => v.verdict === verdict),
+      show: (row) => part(row, (v) => v.verdict === verdict, { verdict }), number: true })),
+    { title: "Named", value: (row) => share(row, NAMES.any.fits), show: (row) => part(row, NAMES.any.fits, { named: "any" }), number: true },
+    { title: "Unexplained", value: (row) => share(row, isUnexplained), show: (row) => part(row, isUnexplained, { conclusion: "unexplained" }), number: true },
     { title: "Beside", value: () => null, show: (row) => (row.stand && other(row)
       ? el("a", { href: address("compare", null, { lot, stand: row.stand, with_lot: lot, with_stand: other(row).stand }) }, `compare with ${other(row).stand}`) : "–") },
   ], rows, { caption: "Valves of the lot by stand", empty: "No result yet." });
 }
 
-function valveTable(history) {
+const NAMES = {
+  any: { words: "with a settled cause", fits: (valve) => valve.causes.length > 0 },
+  none: { words: "without a settled cause", fits: (valve) => valve.causes.length === 0 },
+};
+
+/// Filters of a lot's valves as they stand in the address: the words for one, and whether a valve fits it.
+const FILTERS = {
+  verdict: { words: (name) => (name === "none" ? "no verdict" : name), fits: (valve, name) => (valve.verdict ?? "none") === name },
+  conclusion: { words: (name) => conclusionWords(name).toLowerCase(), fits: (valve, name) => valve.conclusion === name },
+  named: { words: (cause) => NAMES[cause]?.words ?? spoken(cause).toLowerCase(), fits: (valve, cause) => NAMES[cause]?.fits(valve) ?? valve.causes.some((c) => c.cause === cause) },
+  stand: { words: (name) => ["on ", el("bdi", {}, name)], fits: (valve, name) => valve.stand === name },
+  first: { words: (at) => ["received from ", time(at)], fits: (valve, at) => valve.received_at >= at },
+  last: { words: (at) => ["to ", time(at)], fits: (valve, at) => valve.received_at <= at },
+};
+
+/// The valves of a lot behind one bar, column or number: what it counted, no more and no less.
+function filteredLot(lot, history, filters) {
+  const valves = history.valves.filter((valve) => filters.every(([name, value]) => FILTERS[name].fits(valve, value)));
+  const words = filters.flatMap(([name, value], i) => [i ? ", " : "", FILTERS[name].words(value)]);
+  return el("div", {}, el("h1", {}, "Lot ", lot),
+    el("p", {}, `${valves.length} of ${counted(history.valves.length, "analysed valve")}: `, el("strong", {}, words), ". ", el("a", { href: address("lot", lot) }, "The whole lot")),
+    section("Valves", valveTable({ ...history, valves }, "No valve of this lot fits.")));
+}
+
+function valveTable(history, empty = "No result yet.") {
   const figures = figuresOf(history).map(({ short, value }) => ({ title: short, number: true, value, show: (valve) => figure(value(valve)) }));
   return table([
     { title: "Received", value: (valve) => valve.received_at, show: (valve) => time(valve.received_at) },
@@ -198,11 +225,14 @@ function valveTable(history) {
     { title: "Verdict", value: (valve) => valve.verdict, show: (valve) => verdictMark(valve.verdict) },
     { title: "What is wrong", value: causesCell, words: true },
     ...figures,
-  ], history.valves, { caption: "Valves, each by its newest result; the error (Eq 20) by level, then figures of the frequency response", empty: "No result yet." });
+  ], history.valves, { caption: "Valves, each by its newest result; the error (Eq 20) by level, then figures of the frequency response", empty,
+    sort: new URLSearchParams(location.hash.split("?")[1]).get("sort") ?? "", keep: true });
 }
 
 export async function showLot({ argument, parameters, signal }) {
   const path = `/v1/lots/${encodeURIComponent(argument)}`;
+  const filters = Object.keys(FILTERS).filter((name) => parameters.get(name)).map((name) => [name, parameters.get(name)]);
+  if (filters.length > 0) return { node: filteredLot(argument, await get(`${path}/history`, signal), filters), title: `Lot ${argument}` };
   const [lot, history] = await Promise.all([get(path, signal), get(`${path}/history`, signal)]);
   const sizes = parametersPart(path, parameters, signal);
   const shifts = shiftsPart(path, signal);
@@ -214,7 +244,8 @@ export async function showLot({ argument, parameters, signal }) {
       el("a", { href: address("compare", null, { lot: argument }) }, "compare"), " ", reportLink(`Lot ${argument}`, `${path}/report`)),
     alarmList(history.alarms),
     el("div", { class: "columns" }, section("Verdicts", verdictBars(argument, history.verdicts)), section("Causes", pareto(argument, history.valves))),
-    history.valves.length ? section("Verdicts over time", verdictColumns(history.valves)) : null,
+    history.valves.length ? section("Verdicts over time", verdictColumns(history.valves, (group, verdict) =>
+      address("lot", argument, { verdict: verdict ?? "none", first: group[0].received_at, last: group[group.length - 1].received_at }))) : null,
     section("Stands", standPart(argument, history.valves)),
     section("Figures over time", controlPart(history, parameters)),
     section("Sizes of the causes", sizes.node),

@@ -356,9 +356,8 @@ class Page(unittest.TestCase):
         text = self.browser.text()
         self.assertIn(f"lot 2026-W31-B: 1 valve; lot {HOSTILE}: 1 valve.", text)
         self.assertIn("too few", text)
-        good = [f"#/valves?{urllib.parse.urlencode({'lot': lot, 'verdict': 'Good'})}" for lot in ("2026-W31-B", HOSTILE)]
-        self.assertEqual(self.browser.run("[...document.querySelectorAll('main section td a')].slice(0, 2).map((a) => decodeURIComponent(a.hash))"),
-                         [urllib.parse.unquote(address) for address in good])
+        good = [f"#/lot/{lot}?verdict=Good" for lot in ("2026-W31-B", HOSTILE)]
+        self.assertEqual(self.browser.run("[...document.querySelectorAll('main section td a')].slice(0, 2).map((a) => decodeURIComponent(a.hash))"), good)
         self.assertIsNone(self.browser.run("document.querySelector('main img')"))
         self.picture("compare")
 
@@ -373,6 +372,34 @@ class Page(unittest.TestCase):
         self.open("/lot/2026-W31-B", "Valves by verdict")
         self.assertIn("2 valves in 2 sessions, 1 analysed", self.browser.text())
         self.picture("lot")
+
+    def test_every_bar_column_and_number_of_a_lot_leads_to_the_valves_it_counts(self):
+        server = self.own_server()
+        # Three causes; no verdict is asked for, so that all are Good. One serial comes twice and counts once.
+        for serial, stand, complaint in (("A", "s1", "named friction"), ("A", "s1", "named friction leakage"), ("B", "s2", "named friction"), ("C", "s1", "unexplained"),
+                                         ("D", "s2", "unexplained"), ("E", "s1", "ambiguous"), ("F", "s1", "none")):
+            server.send(recording(serial, HOSTILE, stand=stand, complaint=complaint))
+        lot = f"{server.url}/#/lot/{urllib.parse.quote(HOSTILE, safe='')}"
+        self.browser.open(lot)
+        self.browser.wait_for_text("Pattern 1: 2 valves")
+        bars = self.browser.run("[...document.querySelectorAll('.bars tr')].map((row) => [row.cells[0].innerText, row.querySelector('a')?.hash, parseInt(row.cells[2].innerText)])")
+        self.assertEqual([(name, count) for name, _, count in bars],
+                         [("Good", 6), ("Malfunctioned", 0), ("Severe", 0), ("Friction", 2), ("Leakage", 1), ("Not settled", 1), ("Unexplained", 2)])
+        numbers = self.browser.run("""[...document.querySelectorAll('section[aria-labelledby=h-stands] td a')].filter((a) => /^[0-9]+$/.test(a.innerText))
+          .map((a) => [a.innerText, a.hash, Number(a.innerText)])""")
+        self.assertEqual(len(numbers), 6)  # Good, named and unexplained of two stands
+        self.browser.run("document.querySelector('svg[aria-label^=\"Verdicts of 6 valves\"] .opens').dispatchEvent(new MouseEvent('click', {bubbles: true}))")
+        self.browser.wait("document.querySelectorAll('tbody tr').length === 1")
+        self.assertIn("verdict=Good&first=", self.browser.run("location.hash"))
+        for name, address, count in bars + numbers:
+            with self.subTest(bar=name, address=address):
+                self.browser.open("about:blank")
+                self.browser.open(f"{server.url}/{address}")
+                self.browser.wait_for_text(f"{count} of 6 analysed valves: ")
+                self.assertEqual(self.browser.run("document.querySelectorAll('tbody tr').length"), count)
+        self.assertIsNone(self.browser.run("document.querySelector('main img')"))
+        self.browser.run("[...document.querySelectorAll('main a')].find((a) => a.innerText === 'The whole lot').click()")
+        self.browser.wait_for_text("Verdicts over time")
 
     def test_a_lot_shows_how_large_its_causes_are_and_how_many_names_may_be_false(self):
         self.open("/lot/2026-W31-B", "Sizes of the causes")
