@@ -154,15 +154,13 @@ Result<ColumnMapping> column_mapping_of(std::string_view options_json) {
 
 Result<RawRecording> read_in_child(const FileToRead& file, std::vector<std::string> command) {
   if (command.empty()) command = {"/proc/self/exe", std::string(kReadingVerb)};
-  const std::string asked = dump_json({{"path", file.path},
-                                       {"name", file.name},
-                                       {"options", file.options_json},
-                                       {"labels_only", file.labels_only}});
+  const std::string asked = dump_json(
+      {{"path", file.path}, {"name", file.name}, {"options", file.options_json}, {"labels_only", file.labels_only}});
   const ChildLimits limits{.cpu_s = kPatienceMs / 1000, .wall_ms = kPatienceMs, .answer_bytes = kMaxAnswerBytes};
   Answer answer;
-  const auto ended = run_child_process(command, asked, limits,
-                                       {.on_line = [&](std::string_view line) { answer.take(line); },
-                                        .keep_going = [] { return true; }});
+  const auto ended = run_child_process(
+      command, asked, limits,
+      {.on_line = [&](std::string_view line) { answer.take(line); }, .keep_going = [] { return true; }});
   if (!ended) return tl::unexpected(ended.error());
   if (ended->end != ChildEnd::kExited || ended->status != 0) {
     return fail("unreadable", "the file could not be read within the time and memory that reading one may have");

@@ -9,7 +9,8 @@
 
 namespace valvetriage {
 
-/// Files that this process may not open itself (MAT) or need not parse as a whole, read by a child that may die of them.
+/// Files that this process may not open itself (MAT) or need not parse as a whole, read by a child that may die of
+/// them.
 
 /// The hidden verb of the binary that reads one file: `valvetriage reading-child`.
 inline constexpr std::string_view kReadingVerb = "reading-child";

@@ -4,7 +4,9 @@
 #include <set>
 #include <sstream>
 
+#include "server/http/limits.h"
 #include "server/http/request_head.h"
+#include "server/http/stored_patterns.h"
 #include "tests/contract/http_fixture.h"
 
 namespace valvetriage {
@@ -210,6 +212,34 @@ TEST_F(HttpLot, ComparesEveryValveThatKeptItsResidualsAndTheNewestFewOfTheOthers
   EXPECT_EQ(serials(answer["groups"][1]["members"]), (std::vector<std::string>{"K-1", "K-2"}));
   // What was kept says the same as what would be simulated.
   EXPECT_NEAR(answer["groups"][1]["members"][0]["typicality"].get<double>(), 1, 0.01);
+}
+
+TEST_F(HttpLot, ComparesAsManyUnexplainedValvesAsItSaysAndLeavesTheOldestOut) {
+  send("K", "unexplained kept", "stand-1", "lot-1", 180);
+  const auto kept = server_.store().list_submissions({.lot = "lot-1"}, {});
+  ASSERT_TRUE(kept);
+  http::LotHistory history;
+  const auto add = [&](const std::string& serial) {  // oldest first, each with the residuals that were kept
+    history.valves.push_back(kept->items[0]);
+    history.valves.back().labels.serial = serial;
+  };
+  add("the second oldest");
+  while (history.valves.size() < http::kMaxPatternValves) add("another");
+  const auto all = http::stored_patterns(server_.service(), history);
+  ASSERT_TRUE(all) << all.error().message;
+  EXPECT_EQ(all->unexplained, http::kMaxPatternValves);
+  EXPECT_EQ(all->compared.size(), http::kMaxPatternValves);
+  EXPECT_EQ(all->compared.back()->labels.serial, "the second oldest");
+  ASSERT_EQ(all->groups.size(), 1u);
+  EXPECT_EQ(all->groups[0].members.size(), http::kMaxPatternValves);
+
+  history.valves.insert(history.valves.begin(), history.valves[0]);
+  history.valves[0].labels.serial = "the oldest";
+  const auto newest = http::stored_patterns(server_.service(), history);
+  ASSERT_TRUE(newest) << newest.error().message;
+  EXPECT_EQ(newest->unexplained, http::kMaxPatternValves + 1);
+  EXPECT_EQ(newest->compared.size(), http::kMaxPatternValves);
+  EXPECT_EQ(newest->compared.back()->labels.serial, "the second oldest");
 }
 
 }  // namespace
