@@ -41,7 +41,13 @@ export async function post(path, document) {
 
 /// Saves a text or an answer of the service as a file. A plain link would not carry the token.
 export async function save(name, source) {
-  const blob = source instanceof Blob ? source : await (await checked(await fetch(source, { headers: authorization() }))).blob();
+  let blob = source;
+  try {
+    if (!(source instanceof Blob)) blob = await (await checked(await fetch(source, { headers: authorization() }))).blob();
+  } catch (error) {
+    document.getElementById("message").textContent = `${name} could not be fetched: ${error.message}`;
+    return;
+  }
   const url = URL.createObjectURL(blob);
   const anchor = document.createElement("a");
   anchor.href = url;

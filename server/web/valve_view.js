@@ -159,11 +159,14 @@ function qualityList(summary) {
   return el("ul", { class: "quality" }, summary.quality.map((item) => el("li", {}, el("strong", {}, spoken(item.code)), `, ${counted(item.count, "sample")}: ${item.detail}`)));
 }
 
-function downloadLinks(recording, extended) {
-  const csv = (what) => el("button", { type: "button", class: "link", onclick: () => save(`${recording.name}-${what}.csv`, `${recording.links.series}?what=${what}&points=20000&format=csv`) }, `${what.replace("_", " ")} (CSV)`);
+const CSV_POINTS = 20000; // the service gives no more at a time
+
+function downloadLinks(recording, samples, extended) {
+  const csv = (what) => el("button", { type: "button", class: "link", onclick: () => save(`${recording.name}-${what}.csv`, `${recording.links.series}?what=${what}&points=${CSV_POINTS}&format=csv`) }, `${what.replace("_", " ")} (CSV)`);
   return el("p", { class: "downloads" },
     el("button", { type: "button", class: "link", onclick: () => save(recording.name, recording.links.raw) }, `raw file (${bytes(recording.size_bytes)})`),
-    ["measured", "simulated", "residual", ...(extended ? ["extended", "extended_residual"] : [])].map(csv));
+    ["measured", "simulated", "residual", ...(extended ? ["extended", "extended_residual"] : [])].map(csv),
+    samples > CSV_POINTS ? el("span", { class: "small" }, `CSV of ${CSV_POINTS} points that keep every extreme; all ${samples} samples are in the raw file.`) : null);
 }
 
 /// Gain and phase where the recording is a sweep, with the figures read off them.
@@ -201,7 +204,7 @@ function recordingsPart(submission, analysis, parameters, signal) {
       facts([["Test", summary?.test ?? recording.test], ["Samples", summary ? `${summary.samples} at ${figure(summary.sample_rate_hz, 4)} Hz` : null],
         ["Error of the simulation", numbers ? `${quantity(numbers.rmse, unit)} rms` : null],
         ["Noise alone", numbers ? `${quantity(numbers.noise_floor, unit)} rms` : null], ["Fit", numbers ? `${figure(numbers.fit_percent, 4)} %` : null]]),
-      plots?.node ?? "", responsePart(analysis, recording) ?? "", qualityList(summary), downloadLinks(recording, extended));
+      plots?.node ?? "", responsePart(analysis, recording) ?? "", qualityList(summary), downloadLinks(recording, summary?.samples ?? 0, extended));
     plots?.shown();
   }
 

@@ -120,6 +120,12 @@ class Chromium:
         with open(file, "wb") as out:
             out.write(base64.b64decode(picture["data"]))
 
+    def save_to(self, folder):
+        """Downloads go there from now on."""
+        session, self._session = self._session, None
+        self.call("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(folder))
+        self._session = session
+
     def drop_files(self, selector, files):
         """Drops files or folders onto an element."""
         x, y = self.run(f"(() => {{ const r = document.querySelector({json.dumps(selector)}).getBoundingClientRect(); return [r.x + r.width / 2, r.y + 20]; }})()")

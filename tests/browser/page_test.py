@@ -8,6 +8,7 @@ import json
 import pathlib
 import sys
 import tempfile
+import time
 import unittest
 import urllib.parse
 
@@ -318,6 +319,50 @@ class Page(unittest.TestCase):
         self.assertFalse(self.browser.run("document.querySelector('main table button').hidden"))
         self.browser.errors.clear()  # the console notes the 422
 
+    def saved(self, button, name, folder):
+        """What a click on the button with this text saves under this name."""
+        self.browser.run(f"[...document.querySelectorAll('button')].find((b) => b.textContent.startsWith({json.dumps(button)})).click()")
+        deadline = time.monotonic() + 20
+        while not (folder / name).exists():
+            self.assertLess(time.monotonic(), deadline, f"{button}: {[file.name for file in folder.iterdir()]}")
+            time.sleep(0.05)
+        return (folder / name).read_bytes()
+
+    def test_what_is_downloaded_has_its_name_and_its_content(self):
+        folder = self.folder / "saved"
+        folder.mkdir()
+        self.browser.save_to(folder)
+        self.open_valve("EFC-104233")
+        session = self.session("EFC-104233")
+        analysis = self.server.get(f"{session['links']['self']}/analysis")
+        self.assertEqual(self.saved("raw file", "good.csv", folder), self.files[0].read_bytes())
+        self.assertEqual(json.loads(self.saved("analysis (JSON)", "EFC-104233.json", folder)), analysis)
+        for what in ("measured", "simulated", "residual"):
+            rows = self.saved(f"{what} (CSV)", f"good.csv-{what}.csv", folder).decode().splitlines()
+            self.assertEqual((rows[0].split(",")[0], len(rows)), ("time_s", 401), what)
+        measured = [row.split(",") for row in (folder / "good.csv-measured.csv").read_text().splitlines()[1:]]
+        self.assertEqual(float(measured[0][1]), float(self.files[0].read_text().splitlines()[4].split(",")[2]))
+        self.open("/valves?serial=EFC-104233", "Test sessions")
+        rows = self.saved("these as CSV", "valves.csv", folder).decode().splitlines()
+        self.assertIn(session["id"], rows[1])
+        self.assertEqual(len(rows), 2)
+
+    def test_the_input_of_the_next_test_is_downloaded_under_the_valves_name(self):
+        server = self.own_server()
+        row = server.send(recording("EFC-NEXT", "2026-W31-B", complaint="ambiguous"))
+        folder = self.folder / "next"
+        folder.mkdir()
+        self.browser.save_to(folder)
+        self.browser.open(f"{server.url}/#/valve/{row['submission_id']}")
+        self.browser.wait_for_text("Download its current")
+        self.assertEqual(self.saved("Download its current", "EFC-NEXT-next-test.csv", folder), b"time_s,current_A\n0,1.2\n0.005,1.21\n")
+
+    def test_a_download_that_fails_says_so(self):
+        self.open_valve("EFC-104233")
+        self.browser.run("window.fetch = () => Promise.reject(new TypeError('no connection'))")
+        self.browser.run("[...document.querySelectorAll('button')].find((b) => b.textContent === 'analysis (JSON)').click()")
+        self.browser.wait_for_text("EFC-104233.json could not be fetched: no connection")
+
     def test_a_finding_is_stored(self):
         self.open_valve("EFC-104233")
         self.browser.run("""{
@@ -325,7 +370,7 @@ class Page(unittest.TestCase):
           form.querySelector('select').value = 'friction';
           form.querySelector('input').value = 'J. Meyer';
           form.querySelector('textarea').value = '<b>scored</b> spool';
-          form.requestSubmit();
+          form.querySelector('button').click();
         }""")
         self.browser.wait_for_text("Stored.")
         self.assertIn("<b>scored</b> spool", self.browser.text())

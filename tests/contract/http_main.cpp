@@ -33,7 +33,8 @@ std::string example_analysis() {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
-/// The schema's example, or what the recording's complaint asks for: "unexplained", "named friction sensor_offset";
+/// The schema's example, or what the recording's complaint asks for: "unexplained", "ambiguous" (with a next test),
+/// "named friction sensor_offset";
 /// "unexplained kept" keeps the residuals as the real analyser does, which the others leave to whoever asks; "wait
 /// FILE" gives the example as soon as there is such a file.
 Json analysis_asked_for(const std::optional<std::string>& complaint) {
@@ -57,6 +58,13 @@ Json analysis_asked_for(const std::optional<std::string>& complaint) {
     }
   } else {
     found["causes"] = Json::array();
+  }
+  if (word == "ambiguous") {
+    found["next_test"] = {{"test", "triangle"},
+                          {"why", "it turns around slowly"},
+                          {"separates", {"friction", "backlash"}},
+                          {"expected_probability", 0.9},
+                          {"input_csv", "time_s,current_A\n0,1.2\n0.005,1.21\n"}};
   }
   document["result_sha256"] = result_sha256(document);
   return document;
