@@ -32,8 +32,8 @@ struct Play {
   std::vector<double> input;
 };
 
-/// The tests on a range, its levels as inputs: the plan's map is the identity.
-std::vector<Play> repertoire(const AdviceOptions& options) {
+/// The tests on a range, its levels as inputs: the plan's map is the identity. unit  of the input, for the names
+std::vector<Play> repertoire(const AdviceOptions& options, const std::string& unit) {
   const double low = options.input_low, range = options.input_high - low;
   const StaticMap identity{.input = {low, low + range}, .output = {low, low + range}};
   const auto levels = [&](std::initializer_list<double> shares) {
@@ -47,38 +47,39 @@ std::vector<Play> repertoire(const AdviceOptions& options) {
     plan.to_hz = std::min(plan.to_hz, 0.1 * options.sample_rate_hz);
     if (auto input = plan_current(plan, identity)) plays.push_back({std::move(name), std::move(*input)});
   };
+  const std::string suffix = unit.empty() ? "" : " " + unit;
   const auto span = [&](double from, double to) {
-    return fmt::format("{:.4g} to {:.4g}", low + from * range, low + to * range);
+    return fmt::format("{:.3g} to {:.3g}{}", low + from * range, low + to * range, suffix);
   };
-  add(fmt::format("steps from {:.4g} to five levels up to {:.4g}, 2 s each", low, low + range),
+  add(fmt::format("steps from {:.3g}{} to five levels up to {:.3g}{}, 2 s each", low, suffix, low + range, suffix),
       {.test = PlannedTest::kStep, .levels_psi = levels({0.2, 0.4, 0.6, 0.8, 1}), .hold_s = 2});
-  add(fmt::format("small steps from {:.4g}: 5, 10 and 15 % of the range, 2 s each", low),
+  add(fmt::format("small steps from {:.3g}{}: 5, 10 and 15 % of the range, 2 s each", low, suffix),
       {.test = PlannedTest::kStep, .levels_psi = levels({0.05, 0.1, 0.15}), .hold_s = 2});
-  add(fmt::format("staircase {} and back in ten levels, 1 s each", span(0, 1)),
+  add(fmt::format("staircase from {} and back in ten levels, 1 s each", span(0, 1)),
       {.test = PlannedTest::kStaircase,
        .levels_psi = levels({0, 0.11, 0.22, 0.33, 0.44, 0.56, 0.67, 0.78, 0.89, 1}),
        .hold_s = 1});
-  add(fmt::format("staircase {} and back in three levels, 8 s each", span(0.3, 1)),
+  add(fmt::format("staircase from {} and back in three levels, 8 s each", span(0.3, 1)),
       {.test = PlannedTest::kStaircase, .levels_psi = levels({0.3, 0.65, 1}), .hold_s = 8});
   for (const double duration_s : {3.0, 18.0, 40.0}) {
-    add(fmt::format("triangle {} and back in {:g} s", span(0, 1), duration_s),
+    add(fmt::format("triangle from {} and back in {:g} s", span(0, 1), duration_s),
         {.test = PlannedTest::kTriangle, .levels_psi = levels({0, 1}), .duration_s = duration_s});
   }
-  add(fmt::format("triangle {} and back in 10 s", span(0.45, 0.75)),
+  add(fmt::format("triangle from {} and back in 10 s", span(0.45, 0.75)),
       {.test = PlannedTest::kTriangle, .levels_psi = levels({0.45, 0.75}), .duration_s = 10});
   for (const double half : {0.05, 0.15, 0.4}) {
-    add(fmt::format("sweep {} from 0.2 to 20 Hz in 20 s", span(0.55 - half, 0.55 + half)),
+    add(fmt::format("sweep of {}, 0.2 to 20 Hz in 20 s", span(0.55 - half, 0.55 + half)),
         {.test = PlannedTest::kSweep,
          .levels_psi = levels({0.55 - half, 0.55 + half}),
          .duration_s = 20,
          .from_hz = 0.2,
          .to_hz = 20});
   }
-  add(fmt::format("multisine {}, odd lines to 15 Hz, 20 s", span(0.25, 0.85)), {.test = PlannedTest::kMultisine,
-                                                                                .levels_psi = levels({0.25, 0.85}),
-                                                                                .duration_s = 20,
-                                                                                .from_hz = 0.1,
-                                                                                .to_hz = 15});
+  add(fmt::format("multisine of {}, odd lines to 15 Hz, 20 s", span(0.25, 0.85)), {.test = PlannedTest::kMultisine,
+                                                                                   .levels_psi = levels({0.25, 0.85}),
+                                                                                   .duration_s = 20,
+                                                                                   .from_hz = 0.1,
+                                                                                   .to_hz = 15});
   return plays;
 }
 
@@ -225,9 +226,8 @@ NextTest told(const Play& play, const Worth& worth, std::span<const Alternative*
   NextTest next;
   next.test = play.name;
   next.why = fmt::format(
-      "On it {} and {}, the two hardest to tell apart, differ by {:.3g} noise deviations after offset, gain, timing "
-      "and "
-      "curvature are refitted ({:.3g} s at {:g} Hz, noise {:.3g}{}); the next best test settles with probability "
+      "On it {} and {}, the two hardest to tell apart, differ by {:.3g} times the noise, whatever offset, gain, timing "
+      "and curvature turn out to be ({:.3g} s at {:g} Hz, noise {:.3g}{}); the next best test settles with probability "
       "{:.2f}",
       rivals[worth.first]->cause, rivals[worth.second]->cause, worth.least_distance, worth.duration_s,
       options.sample_rate_hz, options.noise_rms, is_current ? " psi" : "", second_best);
@@ -263,7 +263,7 @@ std::optional<NextTest> advise_next_test(std::span<const Alternative> alternativ
   const std::vector<const Alternative*> rivals = most_probable(alternatives);
   if (rivals.size() < 2 || !(options.input_high > options.input_low) || !(options.noise_rms > 0)) return std::nullopt;
 
-  const std::vector<Play> plays = repertoire(options);
+  const std::vector<Play> plays = repertoire(options, alternatives.front().model.input_unit);
   std::optional<Worth> best;
   const Play* chosen = nullptr;
   double second_best = 0;

@@ -96,8 +96,8 @@ std::string causes_part(const LotReport& report) {
 std::string errors_part(const LotReport& report) {
   std::string body;
   for (const LotReportLevel& level : report.levels) {
-    body +=
-        drawn(individuals_plot(fmt::format("Error (Eq 20) at {:.1f} A", level.level_a), level.points, level.limits));
+    body += drawn(
+        individuals_plot(fmt::format("Error (Eq 20) at {:.1f} A [psi/s]", level.level_a), level.points, level.limits));
   }
   return body.empty() ? "<p>No valve of this lot was tested at a known level.</p>\n" : body;
 }
@@ -179,7 +179,7 @@ std::string valves_part(const LotReport& report) {
     table.add_row(cells);
   }
   return table.markup() +
-         "<p class=\"small\">The error (Eq 20) by current level; of each hash the first 16 digits.</p>\n";
+         "<p class=\"small\">The error (Eq 20) in psi/s by current level; of each hash the first 16 digits.</p>\n";
 }
 
 /// Of a larger lot the hashes stand in each valve's own report: here they would be a book.

@@ -131,7 +131,24 @@ std::string discrepancy_sentence(const Discrepancy& discrepancy) {
   return {};
 }
 
+/// Whose fault it can be where the causes that are left are known but not which of them it is.
+std::string fault_of_rivals(const std::vector<NamedCause>& causes) {
+  std::set<std::string> origins;
+  for (const NamedCause& cause : causes) {
+    if (cause.alternatives.empty()) return {};
+    origins.insert(cause.origin);
+    for (const std::string& rival : cause.alternatives) {
+      const Mechanism* law = find_mechanism(rival);
+      origins.insert(law ? std::string(law->origin) : "either");
+    }
+  }
+  if (origins == std::set<std::string>{"valve"}) return "Each cause that is left would be the valve's fault.";
+  if (origins == std::set<std::string>{"stand"}) return "Each cause that is left would be the stand's fault.";
+  return origins.empty() ? "" : "Whether it is the valve's fault or the stand's is not settled either.";
+}
+
 std::string fault_sentence(const Discrepancy& discrepancy) {
+  if (discrepancy.conclusion == Conclusion::kAmbiguous) return fault_of_rivals(discrepancy.causes);
   if (discrepancy.conclusion != Conclusion::kNamed) return {};
   std::set<std::string> origins;
   for (const NamedCause& cause : discrepancy.causes) origins.insert(cause.origin);

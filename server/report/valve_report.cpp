@@ -46,7 +46,7 @@ std::string level_table(const Simulation& simulation, const std::string& unit) {
   const bool has_bandwidth = std::any_of(simulation.by_level.begin(), simulation.by_level.end(),
                                          [](const LevelFigures& level) { return level.bandwidth_hz.has_value(); });
   std::vector<Table::Column> columns{{"Level [A]", true},
-                                     {"Error (Eq 20)", true},
+                                     {escaped(unit.empty() ? "Error (Eq 20)" : "Error (Eq 20) [" + unit + "/s]"), true},
                                      {escaped("Settling error [" + unit + "]"), true},
                                      {"Rise time [s]", true}};
   if (has_bandwidth) columns.push_back({"Bandwidth [Hz]", true});

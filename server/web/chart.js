@@ -159,6 +159,9 @@ export function verdictColumns(valves, hrefOf, height = 200) {
       node.append(opens(hrefOf(group, verdict),
         svg("rect", { class: `mark ${verdict?.toLowerCase() ?? "none"}`, x: x(i) - width / 2, width, y: y(below + count), height: y(below) - y(below + count) }),
         svg("title", {}, `${count} ${verdict ?? "without verdict"}, from ${group[0].received_at}`)));
+      // The sign of the verdict where there is room: a column is read without its colour as well.
+      const [tall, sign] = [y(below) - y(below + count), Math.min(7, width / 3)];
+      if (verdict && tall > 3 * sign) node.append(svg("g", { class: "sign" }, mark(verdict, x(i), (y(below) + y(below + count)) / 2, sign)));
       below += count;
     }
   });

@@ -19,6 +19,9 @@ function chance(p) {
 /// A word beside the number: a difference is not told by a colour alone.
 const differs = (p) => (p !== null && p < CLEAR ? el("strong", {}, `${chance(p)} differ`) : chance(p));
 
+/// Causes before what is no cause, the most frequent first.
+const byFrequency = (a, b) => isCause(b.name) - isCause(a.name) || b.a + b.b - a.a - a.b;
+
 /// The valves of a lot stand in it; those of a stand over all lots in the list, which knows no conclusions.
 function verdictView(name, { lot, stand }) {
   if (lot) return address("lot", lot, { stand, verdict: VERDICTS.includes(name) ? name : "none" });
@@ -55,7 +58,7 @@ function levelTable(levels, sides) {
     { title: sides[0], value: (level) => level.a.median, show: shown("a"), number: true },
     { title: sides[1], value: (level) => level.b.median, show: shown("b"), number: true },
     { title: "Chance if equal", value: (level) => level.p_value, show: (level) => differs(level.p_value), number: true },
-  ], levels, { caption: "Median error (Eq 20) and valves by level, with the rank sum test", empty: "The two have no level in common." });
+  ], levels, { caption: "Median error (Eq 20) in psi/s and valves by level, with the rank sum test", empty: "The two have no level in common." });
 }
 
 function form(parameters, lots, stands) {
@@ -114,7 +117,7 @@ export async function showCompare({ parameters, signal }) {
       el("p", {}, el("bdi", {}, sides[0]), `: ${counted(found.a.valves, "valve")}; `, el("bdi", {}, sides[1]), `: ${counted(found.b.valves, "valve")}. `,
         "The chance is that of so large a difference between two halves of one population."),
       section("Verdicts", shareTable(found.verdicts, heads, "Verdict", (name) => name, found, verdictView)),
-      section("Causes", shareTable(found.causes, heads, "Cause", outcomeName, found, causeView)),
+      section("Causes", shareTable([...found.causes].sort(byFrequency), heads, "Cause", outcomeName, found, causeView)),
       section("Error by level", levelTable(found.levels, heads)),
     ] : el("p", { class: "empty" }, "Choose two lots, two stands, or one lot on two stands."),
     section("Stands", standTable(stands.items)));

@@ -31,9 +31,9 @@ export function quantity(value, unit) {
 
 export function percent(probability) {
   if (typeof probability !== "number") return "–";
-  if (probability > 0.99) return "> 99 %";
-  if (probability < 0.01) return "< 1 %";
-  return `${Math.round(100 * probability)} %`;
+  if (probability > 0.99) return ">\u00a099\u00a0%";
+  if (probability < 0.01) return "<\u00a01\u00a0%";
+  return `${Math.round(100 * probability)}\u00a0%`; // sign and number stay on one line
 }
 
 const local = new Intl.DateTimeFormat(undefined, { dateStyle: "medium", timeStyle: "short" });

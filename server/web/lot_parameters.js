@@ -24,7 +24,7 @@ function parameterChart(cause, parameter) {
   const { population_mean: mean, population_sd: sd } = parameter;
   const band = typeof mean === "number" && sd > 0 ? [times(mean - 2 * sd), times(mean + 2 * sd)] : null;
   const said = (share) => quantity(quantile(sorted, share), parameter.unit);
-  const middle = sorted.length > 1 ? `median ${said(0.5)}, the middle half from ${said(0.25)} to ${said(0.75)}` : said(0.5);
+  const middle = sorted.length > 1 && sorted.length < 4 ? `from ${said(0)} to ${said(1)}` : sorted.length > 1 ? `median ${said(0.5)}, the middle half from ${said(0.25)} to ${said(0.75)}` : said(0.5);
   const values = parameter.values.map((v) => ({
     value: times(v.value), low: times(v.ci95[0]), high: times(v.ci95[1]), href: address("valve", v.submission_id),
     title: `${v.serial ?? "without serial"}: ${quantity(v.value, parameter.unit)}` }));

@@ -102,7 +102,7 @@ export function runs(values, centre) {
 /// What a control chart can show of a lot: the error at a level, or a feature of the frequency response.
 export function figuresOf(history) {
   const errors = history.levels.map((level) => ({
-    ...level, key: String(level.level_A), title: `Error (Eq 20) at ${level.level_A.toFixed(1)} A`, short: `${level.level_A.toFixed(1)} A`,
+    ...level, key: String(level.level_A), title: `Error (Eq 20) at ${level.level_A.toFixed(1)} A [psi/s]`, short: `${level.level_A.toFixed(1)} A`,
     value: (valve) => valve.errors.find((error) => error.level_A === level.level_A)?.error_eq20,
   }));
   const features = history.features.map((feature) => {
@@ -225,7 +225,7 @@ function valveTable(history, empty = "No result yet.") {
     { title: "Verdict", value: (valve) => valve.verdict, show: (valve) => verdictMark(valve.verdict) },
     { title: "What is wrong", value: causesCell, words: true },
     ...figures,
-  ], history.valves, { caption: "Valves, each by its newest result; the error (Eq 20) by level, then figures of the frequency response", empty,
+  ], history.valves, { caption: "Valves, each by its newest result; the error (Eq 20) in psi/s by level, then figures of the frequency response", empty,
     sort: new URLSearchParams(location.hash.split("?")[1]).get("sort") ?? "", keep: true });
 }
 

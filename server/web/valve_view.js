@@ -30,7 +30,7 @@ function levelTable(analysis) {
   const has_bandwidth = levels.some((l) => typeof l.bandwidth_hz === "number");
   return table([
     { title: "Level", unit: "A", value: (l) => l.level_A, show: (l) => l.level_A.toFixed(2), number: true },
-    { title: "Error (Eq 20)", value: (l) => l.error_eq20, show: (l) => figure(l.error_eq20), number: true },
+    { title: "Error (Eq 20)", unit: unit ? `${unit}/s` : "", value: (l) => l.error_eq20, show: (l) => figure(l.error_eq20), number: true },
     { title: "Settling error", unit, value: (l) => l.settling_error, show: (l) => figure(l.settling_error), number: true },
     { title: "Rise time", unit: "s", value: (l) => l.rise_time_s, show: (l) => figure(l.rise_time_s), number: true },
     ...(has_bandwidth ? [{ title: "Bandwidth", unit: "Hz", value: (l) => l.bandwidth_hz, show: (l) => figure(l.bandwidth_hz), number: true }] : []),
@@ -69,6 +69,12 @@ function verdictPart(analysis, summary) {
     ruleLists(classification));
 }
 
+/// What good valves show of it: nothing at all where none of them has it.
+function goodValves({ mean, sd }) {
+  if (typeof mean !== "number") return "–";
+  return mean === 0 && !(sd > 0) ? "none" : withDeviation(mean, sd);
+}
+
 function parameterTable(cause) {
   const rows = Object.entries(cause.parameters).map(([name, p]) => {
     const [factor, unit] = typeof p.value === "string" ? [1, p.unit] : scaled(p.value, p.unit);
@@ -84,7 +90,7 @@ function parameterTable(cause) {
     { title: "95 % from", value: (r) => r.low, show: (r) => figure(r.low), number: true },
     { title: "to", value: (r) => r.high, show: (r) => figure(r.high), number: true },
     { title: "Unit", value: (r) => r.unit, show: (r) => r.unit || "–" },
-    { title: "Good valves", value: (r) => r.mean, show: (r) => (typeof r.mean === "number" ? withDeviation(r.mean, r.sd) : "–"), number: true },
+    { title: "Good valves", value: (r) => r.mean, show: (r) => (goodValves(r)), number: true },
   ], rows, { caption: `Parameters of ${spoken(cause.cause).toLowerCase()}` });
 }
 
@@ -155,17 +161,18 @@ function discrepancyPart(analysis, summary, name) {
 }
 
 function qualityList(summary) {
-  if (!summary || summary.quality.length === 0) return el("p", { class: "small" }, "Nothing odd about this recording.");
+  if (summary.quality.length === 0) return el("p", { class: "small" }, "Nothing odd about this recording.");
   return el("ul", { class: "quality" }, summary.quality.map((item) => el("li", {}, el("strong", {}, spoken(item.code)), `, ${counted(item.count, "sample")}: ${item.detail}`)));
 }
 
 const CSV_POINTS = 20000; // the service gives no more at a time
 
-function downloadLinks(recording, samples, extended) {
+/// samples  of the recording where they are known; simulations  what there is: none, or simulated, or extended as well
+function downloadLinks(recording, samples, { simulated, extended }) {
   const csv = (what) => el("button", { type: "button", class: "link", onclick: () => save(`${recording.name}-${what}.csv`, `${recording.links.series}?what=${what}&points=${CSV_POINTS}&format=csv`) }, `${what.replace("_", " ")} (CSV)`);
   return el("p", { class: "downloads" },
     el("button", { type: "button", class: "link", onclick: () => save(recording.name, recording.links.raw) }, `raw file (${bytes(recording.size_bytes)})`),
-    ["measured", "simulated", "residual", ...(extended ? ["extended", "extended_residual"] : [])].map(csv),
+    ["measured", ...(simulated ? ["simulated", "residual"] : []), ...(extended ? ["extended", "extended_residual"] : [])].map(csv),
     samples > CSV_POINTS ? el("span", { class: "small" }, `CSV of ${CSV_POINTS} points that keep every extreme; all ${samples} samples are in the raw file.`) : null);
 }
 
@@ -177,7 +184,10 @@ function responsePart(analysis, recording) {
   const chart = bodeChart(entry, output && input ? `${output}/${input}` : "");
   const features = Object.entries(entry.features ?? {}).filter(([, f]) => typeof f.value === "number");
   return el("div", {}, el("h3", {}, "Frequency response"), chart ?? el("p", { class: "empty" }, entry.refused || "No frequency response could be measured."),
-    features.length ? facts(features.map(([name, f]) => [featureWords(name)[0], `${quantity(f.value, f.unit)}${f.std_error ? ` ± ${quantity(f.std_error, f.unit)}` : ""}`])) : null);
+    features.length ? facts(features.map(([name, f]) => {
+      const [words, unit] = featureWords(name);
+      return [words, `${quantity(f.value, unit)}${f.std_error ? ` ± ${quantity(f.std_error, unit)}` : ""}`];
+    })) : null);
 }
 
 const CLEARLY_MISSED = 1.5; // times the noise: more than good valves differ by
@@ -204,7 +214,7 @@ function recordingsPart(submission, analysis, parameters, signal) {
       facts([["Test", summary?.test ?? recording.test], ["Samples", summary ? `${summary.samples} at ${figure(summary.sample_rate_hz, 4)} Hz` : null],
         ["Error of the simulation", numbers ? `${quantity(numbers.rmse, unit)} rms` : null],
         ["Noise alone", numbers ? `${quantity(numbers.noise_floor, unit)} rms` : null], ["Fit", numbers ? `${figure(numbers.fit_percent, 4)} %` : null]]),
-      plots?.node ?? "", responsePart(analysis, recording) ?? "", qualityList(summary), downloadLinks(recording, summary?.samples ?? 0, extended));
+      plots?.node ?? "", responsePart(analysis, recording) ?? "", summary ? qualityList(summary) : "", downloadLinks(recording, summary?.samples ?? 0, { simulated: Boolean(analysis), extended }));
     plots?.shown();
   }
 
@@ -270,7 +280,7 @@ function oldResultPart(job) {
   return el("p", { class: "conclusion unexplained" }, el("strong", {}, `The newest analysis: ${job.state}.`), " ", problemText(job.error), " Shown is the result before it.");
 }
 
-function head(submission, analysis, again, status) {
+function head(submission, analysis, sessions, again, status) {
   const name = submission.serial ?? "Valve without serial";
   const base = submission.links.self;
   const reanalyze = async () => {
@@ -283,7 +293,7 @@ function head(submission, analysis, again, status) {
   };
   return el("div", {},
     el("h1", {}, name),
-    facts([["Serial", submission.serial ? el("a", { href: address("serial", submission.serial) }, "history") : null],
+    facts([["Same serial", submission.serial ? el("a", { href: address("serial", submission.serial) }, counted(sessions, "session")) : null],
       ["Lot", submission.lot ? el("a", { href: address("lot", submission.lot) }, submission.lot) : null], ["Type", submission.valve_type],
       ["Stand", submission.stand], ["Condition", submission.condition], ["Received", time(submission.received_at)],
       ["Baseline", analysis?.baseline.reason]]),
@@ -321,7 +331,7 @@ export async function showValve({ argument, parameters, signal, again }) {
     submission.stand ? get("/v1/stands", signal) : { items: [] }]);
   const alarms = currentAlarms(stands.items.filter((stand) => stand.stand === submission.stand));
   const name = submission.serial ?? submission.id;
-  const parts = [head(submission, found?.analysis, again, el("span", { role: "status" })),
+  const parts = [head(submission, found?.analysis, findings?.valve.submissions.length ?? 1, again, el("span", { role: "status" })),
     alarmList(alarms)];
   const later = [];
   const add = (part) => {

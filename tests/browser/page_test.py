@@ -347,6 +347,25 @@ class Page(unittest.TestCase):
         self.assertIn(session["id"], rows[1])
         self.assertEqual(len(rows), 2)
 
+    def test_a_valve_whose_analysis_runs_claims_nothing_of_its_result(self):
+        server, go = self.own_server(), self.folder / "go on"
+        self.addCleanup(go.touch)
+        row = server.post("/v1/recordings?name=held.csv", recording("EFC-WAITS", "2026-W43", complaint=f"wait {go}"))
+        self.browser.open(f"{server.url}/#/valve/{row['submission_id']}")
+        self.browser.wait_for_text("measured (CSV)")
+        text = self.browser.text()
+        for claim in ("Nothing odd", "simulated (CSV)", "residual (CSV)", "Verdict"):
+            self.assertNotIn(claim, text)
+        go.touch()
+        self.browser.wait_for_text("simulated (CSV)")
+        self.assertIn("Verdict", self.browser.text())
+
+    def test_a_verdict_column_carries_the_sign_of_its_verdict(self):
+        self.open("/lots", "2026-W31-B")
+        self.browser.run("""import('/web/chart.js').then((m) => document.querySelector('main').replaceChildren(m.verdictColumns(
+          ['Good', 'Malfunctioned', 'Severe', null].map((verdict) => ({verdict, received_at: ''})), () => '')))""")
+        self.assertEqual(self.browser.run("[...document.querySelectorAll('.sign .mark')].map((mark) => mark.tagName)"), ["circle", "path", "rect"])
+
     def test_the_input_of_the_next_test_is_downloaded_under_the_valves_name(self):
         server = self.own_server()
         row = server.send(recording("EFC-NEXT", "2026-W31-B", complaint="ambiguous"))

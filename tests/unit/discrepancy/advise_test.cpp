@@ -37,7 +37,7 @@ TEST(Advise, ALoopAndALagAreToldApartByAnotherRate) {
   ASSERT_TRUE(next.has_value());
   EXPECT_GT(next->expected_probability, 0.95);
   EXPECT_EQ(next->separates, (std::vector<std::string>{"extra_lag", "hysteresis"}));
-  EXPECT_NE(next->why.find("noise deviations"), std::string::npos);
+  EXPECT_NE(next->why.find("times the noise"), std::string::npos);
 }
 
 TEST(Advise, TheInputIsReadyForTheStand) {
@@ -46,6 +46,7 @@ TEST(Advise, TheInputIsReadyForTheStand) {
   const auto next = advise_next_test(open, kStand);
   ASSERT_TRUE(next.has_value());
   EXPECT_EQ(next->input_csv.substr(0, 17), "time_s,current_A\n");
+  EXPECT_NE(next->test.find(" A"), std::string::npos) << next->test;  // its levels carry their unit
   EXPECT_GT(std::count(next->input_csv.begin(), next->input_csv.end(), '\n'), 200);
 }
 

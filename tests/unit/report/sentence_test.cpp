@@ -54,13 +54,18 @@ TEST(Sentence, LeavesOutWhereALoopHappenedToBegin) {
   EXPECT_EQ(sentence.find("memory 0.5"), std::string::npos) << sentence;
 }
 
-TEST(Sentence, OfAnAmbiguousResultNamesNoFaultAndAllRivals) {
+TEST(Sentence, OfAnAmbiguousResultNamesAllRivalsAndWhoseFaultEachWouldBe) {
   NamedCause cause = sticking();
   cause.alternatives = {"backlash", "dead_band"};
   const Summary summary = summarise(with(Conclusion::kAmbiguous, {cause}));
   EXPECT_NE(summary.discrepancy.find("do not settle what"), std::string::npos);
   EXPECT_NE(summary.causes[0].find("The recordings do not tell it from backlash or dead band."), std::string::npos);
-  EXPECT_EQ(summary.fault, "");
+  EXPECT_EQ(summary.fault, "Each cause that is left would be the valve's fault.");
+  cause.alternatives = {"sensor_offset"};
+  EXPECT_EQ(summarise(with(Conclusion::kAmbiguous, {cause})).fault,
+            "Whether it is the valve's fault or the stand's is not settled either.");
+  cause.alternatives = {};
+  EXPECT_EQ(summarise(with(Conclusion::kAmbiguous, {cause})).fault, "");
 }
 
 TEST(Sentence, OfAnUnexplainedResultSaysThatItIsNotKnown) {
