@@ -35,7 +35,7 @@ void add_cause(report::LotSizes& sizes, const SubmissionRow& valve, const Json& 
   const Json parameters = found.value("parameters", Json::object());
   for (const auto& [name, estimate] : parameters.items()) {
     if (!estimate.is_object() || !estimate.value("value", Json()).is_number()) continue;
-    if (is_own_per_recording(cause, name)) continue;
+    if (name == "recording" || is_own_per_recording(cause, name)) continue;  // which recording is no size
     const Json ci95 = estimate.value("ci95", Json::array());
     const bool bounded = ci95.is_array() && ci95.size() == 2;
     entry_of(entry.parameters, &report::ParameterSizes::name, name,

@@ -68,6 +68,12 @@ std::string verdict_sentence(const ClassificationResult& result) {
   return text;
 }
 
+/// In which recording, where the law says so by its index.
+std::string recording_words(double index, const std::vector<RecordingSummary>& recordings) {
+  const auto at = static_cast<std::size_t>(std::max(0.0, std::round(index)));
+  return at < recordings.size() ? "in " + recordings[at].name : "";
+}
+
 std::string parameter_words(const std::string& name, const ParameterEstimate& estimate) {
   if (name == "ahead_of_map") {
     return estimate.value != 0 ? "ahead of the static map: coil or spool" : "behind the static map: pressure or gauge";
@@ -83,19 +89,21 @@ std::string parameter_words(const std::string& name, const ParameterEstimate& es
 }
 
 /// What every recording has its own of, where a loop begins or the phase of a tone, says nothing about the valve.
-std::string parameters_words(const NamedCause& cause) {
+std::string parameters_words(const NamedCause& cause, const std::vector<RecordingSummary>& recordings) {
   const Mechanism* law = find_mechanism(cause.cause);
   const auto own = law ? law->parameters.last(law->own_per_recording) : std::span<const MechanismParameter>{};
   std::string words;
   for (const auto& [name, estimate] : cause.parameters) {
     const auto is_this = [&name = name](const MechanismParameter& parameter) { return parameter.name == name; };
     if (std::any_of(own.begin(), own.end(), is_this)) continue;
-    words += (words.empty() ? "" : "; ") + parameter_words(name, estimate);
+    const std::string said =
+        name == "recording" ? recording_words(estimate.value, recordings) : parameter_words(name, estimate);
+    if (!said.empty()) words += (words.empty() ? "" : "; ") + said;
   }
   return words;
 }
 
-std::string cause_sentence(const NamedCause& cause) {
+std::string cause_sentence(const NamedCause& cause, const std::vector<RecordingSummary>& recordings) {
   std::string text = spoken(cause.cause);
   if (const Mechanism* law = find_mechanism(cause.cause)) text += fmt::format(": {}", law->wrong);
   if (!text.ends_with('.')) text += '.';
@@ -105,7 +113,7 @@ std::string cause_sentence(const NamedCause& cause) {
     for (const std::string& rival : cause.alternatives) rivals.push_back(lower_spoken(rival));
     text += fmt::format(" The recordings do not tell it from {}.", either(rivals));
   }
-  const std::string parameters = parameters_words(cause);
+  const std::string parameters = parameters_words(cause, recordings);
   return parameters.empty() ? text : text + " " + capitalised(parameters) + ".";
 }
 
@@ -113,7 +121,8 @@ std::string discrepancy_sentence(const Discrepancy& discrepancy) {
   std::vector<std::string> names;
   bool rivals = false;
   for (const NamedCause& cause : discrepancy.causes) {
-    names.push_back(lower_spoken(cause.cause));
+    // The one cause whose name is no thing that can be lacked.
+    names.push_back(cause.cause == "intermittent" ? "an abrupt change of gain" : lower_spoken(cause.cause));
     rivals |= !cause.alternatives.empty();
   }
   switch (discrepancy.conclusion) {
@@ -224,7 +233,8 @@ Summary summarise(const Analysis& analysis) {
   }
   const Discrepancy& discrepancy = *analysis.discrepancy;
   summary.discrepancy = discrepancy_sentence(discrepancy);
-  for (const NamedCause& cause : discrepancy.causes) summary.causes.push_back(cause_sentence(cause));
+  for (const NamedCause& cause : discrepancy.causes)
+    summary.causes.push_back(cause_sentence(cause, analysis.recordings));
   summary.fault = fault_sentence(discrepancy);
   summary.gain = gain_sentence(discrepancy, analysis.baseline.model.output_unit);
   summary.upper_limits = upper_limits(discrepancy);

@@ -3,8 +3,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 
+#include "core/classify/rule_base.h"
 #include "server/report/markup.h"
 #include "server/report/sentence.h"
 
@@ -60,13 +62,21 @@ std::string level_table(const Simulation& simulation, const std::string& unit) {
   return table.markup();
 }
 
+/// "1.8 A", and of the paper's levels "1.4 A (low)".
+std::string level_words(const std::string& name) {
+  const auto level_a = level_from_name(name);
+  if (!level_a) return name;
+  const bool is_number = !name.empty() && (std::isdigit(static_cast<unsigned char>(name[0])) != 0);
+  return fmt::format("{:.1f} A{}", *level_a, is_number ? "" : " (" + name + ")");
+}
+
 std::string rule_list(const ClassificationResult& result) {
   std::string list;
   for (const LevelVerdict& level : result.per_level) {
     for (const auto& [rule, strength] : level.rules) {
       if (!(strength > 0)) continue;
-      list +=
-          fmt::format("<li>Level {}: {} (strength {})</li>\n", escaped(level.level), escaped(rule), figure(strength));
+      list += fmt::format("<li>{}: {} (strength {})</li>\n", escaped(level_words(level.level)), escaped(rule),
+                          figure(strength));
     }
   }
   return list.empty() ? list : "<h3>Rules that fired</h3>\n<ul>\n" + list + "</ul>\n";

@@ -80,7 +80,7 @@ export const isCause = (name) => !Object.hasOwn(CONCLUSIONS, name) && !["other",
 export const conclusionWords = (conclusion) => CONCLUSIONS[conclusion] ?? "–";
 
 /// q-value of a name: below 0.001 more digits mean nothing.
-export const qValue = (q) => (q < 0.001 ? "q < 0.001" : `q ${figure(q, 2)}`);
+export const qValue = (q) => (q < 0.001 ? "q\u00a0<\u00a00.001" : `q\u00a0${figure(q, 2)}`);
 
 /// Every settled cause of a lot's valve with its probability and q-value; without any as in a list.
 export function causesCell(valve) {

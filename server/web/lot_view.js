@@ -102,12 +102,12 @@ export function runs(values, centre) {
 /// What a control chart can show of a lot: the error at a level, or a feature of the frequency response.
 export function figuresOf(history) {
   const errors = history.levels.map((level) => ({
-    ...level, key: String(level.level_A), title: `Error (Eq 20) at ${level.level_A.toFixed(1)} A [psi/s]`, short: `${level.level_A.toFixed(1)} A`,
+    ...level, key: String(level.level_A), title: `Error (Eq 20) at ${level.level_A.toFixed(1)} A [psi/s]`, short: `${level.level_A.toFixed(1)} A`, unit: "psi/s",
     value: (valve) => valve.errors.find((error) => error.level_A === level.level_A)?.error_eq20,
   }));
   const features = history.features.map((feature) => {
     const [words, unit] = featureWords(feature.name);
-    return { ...feature, key: feature.name, title: `${words} [${unit}]`, short: `${words} ${unit}`, value: (valve) => valve.features[feature.name] };
+    return { ...feature, key: feature.name, title: `${words} [${unit}]`, short: `${words} ${unit}`, unit, value: (valve) => valve.features[feature.name] };
   });
   return [...errors, ...features];
 }
@@ -137,7 +137,7 @@ export function controlCharts(level, valves) {
   ];
   return el("div", {},
     individualsChart({ points, lines, outside, label: `${level.title} of each valve with control limits`, yTitle: level.title }),
-    individualsChart({ points: ranges, outside: wide, height: 190, label: `Moving range of ${level.title}`, yTitle: "moving range",
+    individualsChart({ points: ranges, outside: wide, height: 190, label: `Moving range of ${level.title}`, yTitle: `moving range${level.unit ? ` [${level.unit}]` : ""}`,
       lines: [{ value: mean, title: `mean ${figure(mean)}`, kind: "centre" }, { value: RANGE_LIMIT * mean, title: `limit ${figure(RANGE_LIMIT * mean)}`, kind: "" }] }),
     fired.length ? el("ul", {}, fired) : el("p", {}, "No rule fired: the lot varies no more than from valve to valve."));
 }

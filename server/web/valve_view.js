@@ -75,8 +75,9 @@ function goodValves({ mean, sd }) {
   return mean === 0 && !(sd > 0) ? "none" : withDeviation(mean, sd);
 }
 
-function parameterTable(cause) {
+function parameterTable(cause, recordings) {
   const rows = Object.entries(cause.parameters).map(([name, p]) => {
+    if (name === "recording") return { name, value: recordings[Math.round(p.value)]?.name ?? "–" }; // its index is nobody's name
     const [factor, unit] = typeof p.value === "string" ? [1, p.unit] : scaled(p.value, p.unit);
     const times = (value) => (typeof value === "number" ? value * factor : value);
     return { name, unit, value: times(p.value), se: times(p.std_error), low: times(p.ci95?.[0]), high: times(p.ci95?.[1]),
@@ -94,13 +95,13 @@ function parameterTable(cause) {
   ], rows, { caption: `Parameters of ${spoken(cause.cause).toLowerCase()}` });
 }
 
-function causePart(cause, sentence) {
+function causePart(cause, sentence, recordings) {
   return el("article", { class: "cause" },
     el("h3", {}, spoken(cause.cause), el("span", { class: "chip" }, percent(cause.probability)),
       el("span", { class: "chip" }, { valve: "valve", stand: "stand", either: "valve or stand" }[cause.origin])),
     el("p", {}, sentence),
     cause.alternatives.length ? el("p", {}, "Rivals: ", cause.alternatives.map((a) => el("span", { class: "chip" }, spoken(a)))) : null,
-    parameterTable(cause),
+    parameterTable(cause, recordings),
     cause.evidence.length ? el("details", {}, el("summary", {}, "Evidence"), el("ul", {}, cause.evidence.map((line) => el("li", {}, line)))) : null);
 }
 
@@ -150,7 +151,7 @@ function discrepancyPart(analysis, summary, name) {
   return section(title,
     el("p", { class: `conclusion ${found.conclusion}` }, el("strong", {}, conclusionWords(found.conclusion)), " ", summary.discrepancy, " ", summary.fault),
     el("div", { class: "columns uneven" },
-      el("div", {}, found.causes.map((cause, i) => causePart(cause, summary.causes[i] ?? ""))),
+      el("div", {}, found.causes.map((cause, i) => causePart(cause, summary.causes[i] ?? "", analysis.recordings))),
       found.causes.length ? gainBars(found.gain, unit) : null),
     summary.gain ? el("p", {}, summary.gain) : null,
     nextTestPart(found.next_test, summary.next_test, name),

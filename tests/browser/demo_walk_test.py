@@ -187,7 +187,7 @@ class DemoWalk(unittest.TestCase):
         self.browser.wait("!document.body.innerText.includes('Comparing the residuals')")
         text = self.browser.text()
         self.assertIn(f"{len(RETURNED) + 1} valves in {len(RETURNED) + 1} sessions, {len(RETURNED)} analysed", text)
-        self.assertRegex(text, r"q[ <0-9.]+\)")
+        self.assertRegex(text, r"q[\u00a0<0-9.]+\)")
         self.picture("walk-lot")
         self.browser.run("[...document.querySelectorAll('a')].find((a) => a.textContent === 'EFC-104208').click()")
         self.browser.wait_for_text("What the simulation gets wrong")

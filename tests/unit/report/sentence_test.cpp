@@ -54,6 +54,16 @@ TEST(Sentence, LeavesOutWhereALoopHappenedToBegin) {
   EXPECT_EQ(sentence.find("memory 0.5"), std::string::npos) << sentence;
 }
 
+TEST(Sentence, OfAnAbruptChangeNamesTheRecordingItIsIn) {
+  NamedCause change{.cause = "intermittent", .family = "slow", .origin = "either", .probability = 0.99};
+  change.parameters.emplace_back("recording", ParameterEstimate{.value = 1, .ci95 = {1, 1}});
+  Analysis analysis = with(Conclusion::kNamed, {change});
+  analysis.recordings = {{.name = "step.csv"}, {.name = "triangle.csv"}};
+  const Summary summary = summarise(analysis);
+  EXPECT_EQ(summary.discrepancy, "The simulation is wrong because it lacks an abrupt change of gain.");
+  EXPECT_NE(summary.causes[0].find("In triangle.csv."), std::string::npos) << summary.causes[0];
+}
+
 TEST(Sentence, OfAnAmbiguousResultNamesAllRivalsAndWhoseFaultEachWouldBe) {
   NamedCause cause = sticking();
   cause.alternatives = {"backlash", "dead_band"};
