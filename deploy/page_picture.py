@@ -15,9 +15,11 @@ WIDTH = 1100
 def main(chromium, url, out):
     with Chromium(chromium, width=WIDTH) as browser:
         browser.call("Emulation.setDeviceMetricsOverride", width=WIDTH, height=900, deviceScaleFactor=1, mobile=False)
+        browser.call("Emulation.setScrollbarsHidden", hidden=True)  # as in the picture, so that it is measured as it is taken
         browser.open(url)
         browser.wait("document.querySelectorAll('.plots canvas').length >= 3")
         browser.wait("!document.querySelector('.plots').innerText.includes('Loading')")
+        browser.wait("document.querySelector('.plots').innerText.includes('What the input does')")
         top, bottom = browser.run("""(() => {
           const found = [...document.querySelectorAll('h2')].find((head) => head.innerText.includes('gets wrong'));
           const charts = [...document.querySelectorAll('.chart')];

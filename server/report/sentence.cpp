@@ -132,7 +132,7 @@ std::string discrepancy_sentence(const Discrepancy& discrepancy) {
       return fmt::format("The simulation is wrong because it lacks {}.", fmt::join(names, " and "));
     case Conclusion::kAmbiguous:
       return "Something is wrong, but these recordings do not settle what: " +
-             std::string(rivals ? "several causes explain them equally well." : "no cause stands out clearly enough.");
+             std::string(rivals ? "more than one cause explains them." : "no cause stands out clearly enough.");
     case Conclusion::kUnexplained:
       return "Something is wrong that no known cause explains. It is not known what; do not read a cause into this "
              "result.";
@@ -181,7 +181,8 @@ std::string next_test_sentence(const NextTest& test) {
   if (!test.why.empty()) text += fmt::format(" {}", capitalised(test.why));
   if (!text.ends_with('.')) text += '.';
   if (std::isfinite(test.expected_probability) && test.expected_probability > 0) {
-    text += fmt::format(" It is expected to settle the cause with {}.", percent(test.expected_probability));
+    text += fmt::format(" It is expected to settle the cause with a probability of {}.",
+                        percent(test.expected_probability));
   }
   return text;
 }

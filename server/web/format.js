@@ -58,6 +58,9 @@ export function featureWords(name) {
   return [spoken(stem), FEATURE_UNITS[unit] ?? ""];
 }
 
+/// A sentence in which no line ends between a number and its unit.
+export const unbroken = (text) => text.replaceAll(/(\d) (?=%|[mk]?A\b|m?s\b|psi\b|Hz\b)/g, "$1\u00a0");
+
 /// "1 valve", "2 valves".
 export const counted = (count, singular, plural = `${singular}s`) => `${count} ${count === 1 ? singular : plural}`;
 

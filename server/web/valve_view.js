@@ -6,7 +6,7 @@ import { address, el, keepInAddress, section } from "./dom.js";
 import { reportLink } from "./report_link.js";
 import { follow } from "./events.js";
 import { findingsPart } from "./findings.js";
-import { bytes, conclusionWords, counted, featureWords, figure, isFinal, percent, quantity, scaled, spoken, time, verdictMark, withDeviation } from "./format.js";
+import { bytes, conclusionWords, counted, featureWords, figure, isFinal, percent, quantity, scaled, spoken, time, unbroken, verdictMark, withDeviation } from "./format.js";
 import { barRow, gainBars } from "./gain_bar.js";
 import { sessionColumns } from "./list_view.js";
 import { recordingPlots } from "./plots.js";
@@ -307,7 +307,8 @@ function head(submission, analysis, sessions, again, status) {
 async function result(submission, signal) {
   if (submission.state !== "done") return null;
   const [analysis, summary] = await Promise.all([get(`${submission.links.self}/analysis`, signal), get(`${submission.links.self}/summary`, signal)]);
-  return { analysis, summary };
+  const whole = (said) => (Array.isArray(said) ? said.map(unbroken) : unbroken(said));
+  return { analysis, summary: Object.fromEntries(Object.entries(summary).map(([name, said]) => [name, whole(said)])) };
 }
 
 function makingPart(analysis, analyses) {

@@ -9,6 +9,8 @@ import time
 
 PATIENCE_S = float(os.environ.get("VALVETRIAGE_BROWSER_PATIENCE_S", 120))  # only a hang gets there
 
+READ = "(document.body?.innerText ?? '').replaceAll('\\u00a0', ' ')"
+
 
 class Chromium:
     """`with Chromium(binary) as browser:`; one page. Every question to the page is polled until it holds."""
@@ -108,10 +110,11 @@ class Chromium:
             time.sleep(0.05)
 
     def text(self):
-        return self.run("document.body?.innerText ?? ''")
+        """As a person reads it: a space that keeps a line together is a space."""
+        return self.run(READ)
 
     def wait_for_text(self, text):
-        return self.wait(f"(document.body?.innerText ?? '').includes({json.dumps(text)})")
+        return self.wait(f"({READ}).includes({json.dumps(text)})")
 
     def screenshot(self, file, whole=True):
         height = self.run("document.documentElement.scrollHeight") if whole else self._size[1]

@@ -1,7 +1,8 @@
 """The demonstration's lot through the page, as a quality engineer meets it: a real server with the real analyser, a
 reference learned from good valves of the virtual stand, a rule base, and a lot of its returned valves.
 
-usage: demo_walk_test.py CHROMIUM VALVETRIAGE STAND [PICTURES]      PICTURES a folder for screenshots
+usage: demo_walk_test.py CHROMIUM VALVETRIAGE STAND [PICTURES]      PICTURES a folder for screenshots, and for
+page.png, which the README shows
 """
 import base64
 import json
@@ -15,8 +16,9 @@ import unittest
 import urllib.parse
 import urllib.request
 
-sys.path.insert(0, str(pathlib.Path(__file__).parent))
+sys.path[:0] = [str(pathlib.Path(__file__).parent), str(pathlib.Path(__file__).parents[2] / "deploy")]
 import chromium  # noqa: E402
+import page_picture  # noqa: E402
 
 HERE = pathlib.Path(__file__).parent
 AXE = HERE / "node_modules/axe-core/axe.min.js"
@@ -180,6 +182,8 @@ class DemoWalk(unittest.TestCase):
         self.assertEqual(levels, ["1.2 A", "1.4 A (low)", "1.6 A (high)", "1.8 A", "2.0 A"])
         self.assertRegex(self.browser.text(), r"error is severe -> Severe – strength (0\.\d+|1\.0)")
         self.picture("walk-verdict")
+        if PICTURES:
+            page_picture.main(CHROMIUM, self.browser.run("location.href") + "?from=1&to=7", PICTURES / "page.png")
 
     def test_the_lot_leads_to_its_valves_and_tells_what_they_share(self):
         self.open(f"/lot/{LOT}", "What all valves share")
@@ -187,7 +191,7 @@ class DemoWalk(unittest.TestCase):
         self.browser.wait("!document.body.innerText.includes('Comparing the residuals')")
         text = self.browser.text()
         self.assertIn(f"{len(RETURNED) + 1} valves in {len(RETURNED) + 1} sessions, {len(RETURNED)} analysed", text)
-        self.assertRegex(text, r"q[\u00a0<0-9.]+\)")
+        self.assertRegex(text, r"q[ <0-9.]+\)")
         self.picture("walk-lot")
         self.browser.run("[...document.querySelectorAll('a')].find((a) => a.textContent === 'EFC-104208').click()")
         self.browser.wait_for_text("What the simulation gets wrong")
