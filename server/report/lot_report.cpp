@@ -173,7 +173,7 @@ std::string valves_part(const LotReport& report) {
                                    escaped(valve.verdict.empty() ? "–" : valve.verdict), escaped(what_is_wrong(valve))};
     for (const LotReportLevel& level : report.levels) {
       const auto error = valve.error_eq20.find(level.level_a);
-      cells.push_back(error == valve.error_eq20.end() ? "–" : fmt::format("{:.3g}", error->second));
+      cells.push_back(error == valve.error_eq20.end() ? "–" : figure(error->second));
     }
     cells.push_back("<code>" + escaped(valve.result_sha256.substr(0, 16)) + "</code>");
     table.add_row(cells);

@@ -216,7 +216,20 @@ std::string quantity(double value, const std::string& unit) {
   if (!std::isfinite(value)) return "unknown";
   const bool small = value != 0 && std::abs(value) < 0.1;
   if (small && (unit == "A" || unit == "s" || unit == "A/s")) return fmt::format("{:.3g} m{}", value * 1000, unit);
-  return unit.empty() ? fmt::format("{:.3g}", value) : fmt::format("{:.3g} {}", value, unit);
+  const bool thousands = std::abs(value) >= 1000 && std::abs(value) < 1e6;
+  const std::string number = thousands ? fmt::format("{:.0f}", value) : fmt::format("{:.3g}", value);
+  return unit.empty() ? number : number + " " + unit;
+}
+
+std::string figure(double value) {
+  if (!std::isfinite(value)) return "–";
+  if (value == 0) return "0";
+  const double size = std::abs(value);
+  if (size >= 1e6 || size < 1e-4) return fmt::format("{:.2e}", value);
+  // Of the rounded number: 9.999 has one digit before the point more.
+  const std::string rounded = fmt::format("{:.2e}", size);
+  const int exponent = std::stoi(rounded.substr(rounded.find('e') + 1));
+  return fmt::format("{:.{}f}", value, std::max(0, 2 - exponent));
 }
 
 std::string percent(double probability) {

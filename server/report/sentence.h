@@ -28,6 +28,10 @@ std::string spoken(const std::string& cause);
 /// below 0.1 in ms. "unknown" where the value is not finite.
 std::string quantity(double value, const std::string& unit);
 
+/// A number of a table, as the page writes it: three significant digits with their zeros, so that a column lines up,
+/// and no power of ten between 0.0001 and a million. "–" where it is not finite.
+std::string figure(double value);
+
 /// A probability as a person says it: "98 %", "over 99 %", "under 1 %".
 std::string percent(double probability);
 

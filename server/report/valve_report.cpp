@@ -13,10 +13,7 @@
 namespace valvetriage::report {
 namespace {
 
-std::string figure(double value) {
-  return std::isfinite(value) ? fmt::format("{:.3g}", value) : "–";
-}
-std::string figure(const std::optional<double>& value) {
+std::string figure_of(const std::optional<double>& value) {
   return value ? figure(*value) : "–";
 }
 
@@ -54,9 +51,9 @@ std::string level_table(const Simulation& simulation, const std::string& unit) {
   if (has_bandwidth) columns.push_back({"Bandwidth [Hz]", true});
   Table table(std::move(columns));
   for (const LevelFigures& level : simulation.by_level) {
-    std::vector<std::string> row{fmt::format("{:.2f}", level.level_a), figure(level.error_eq20),
-                                 figure(level.settling_error), figure(level.rise_time_s)};
-    if (has_bandwidth) row.push_back(figure(level.bandwidth_hz));
+    std::vector<std::string> row{fmt::format("{:.2f}", level.level_a), figure_of(level.error_eq20),
+                                 figure_of(level.settling_error), figure_of(level.rise_time_s)};
+    if (has_bandwidth) row.push_back(figure_of(level.bandwidth_hz));
     table.add_row(row);
   }
   return table.markup();

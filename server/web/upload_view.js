@@ -104,6 +104,7 @@ function groupRow(group, defaults) {
     /// What the server read in files that the browser does not open.
     fill: (submission) => group.unread && LABELS.forEach((name) => {
       inputs[name].value = submission[name] ?? "";
+      inputs[name].placeholder = "–";
     }),
     progress: (share) => {
       bar.hidden = false;

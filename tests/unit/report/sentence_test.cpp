@@ -54,6 +54,20 @@ TEST(Sentence, LeavesOutWhereALoopHappenedToBegin) {
   EXPECT_EQ(sentence.find("memory 0.5"), std::string::npos) << sentence;
 }
 
+TEST(Sentence, WritesNumbersOfATableWithTheirZerosAndWithoutPowersOfTen) {
+  EXPECT_EQ(figure(4.1), "4.10");
+  EXPECT_EQ(figure(27), "27.0");
+  EXPECT_EQ(figure(118), "118");
+  EXPECT_EQ(figure(9.999), "10.0");
+  EXPECT_EQ(figure(999.7), "1000");
+  EXPECT_EQ(figure(-12345.6), "-12346");
+  EXPECT_EQ(figure(0.00052), "0.000520");
+  EXPECT_EQ(figure(0), "0");
+  EXPECT_EQ(figure(2.5e-7), "2.50e-07");
+  EXPECT_EQ(figure(kNone), "–");
+  EXPECT_EQ(quantity(1234.4, "psi"), "1234 psi");
+}
+
 TEST(Sentence, OfAnAbruptChangeNamesTheRecordingItIsIn) {
   NamedCause change{.cause = "intermittent", .family = "slow", .origin = "either", .probability = 0.99};
   change.parameters.emplace_back("recording", ParameterEstimate{.value = 1, .ci95 = {1, 1}});
