@@ -3,6 +3,7 @@ import { get } from "./api.js";
 import { individualsChart, verdictColumns } from "./chart.js";
 import { alarmList, currentAlarms } from "./compare_view.js";
 import { address, el, field, keepInAddress, options, section } from "./dom.js";
+import { follow } from "./events.js";
 import { causesCell, conclusionWords, counted, featureWords, figure, qValue, spoken, time, verdictMark } from "./format.js";
 import { barRow } from "./gain_bar.js";
 import { parametersPart } from "./lot_parameters.js";
@@ -229,7 +230,19 @@ function valveTable(history, empty = "No result yet.") {
     sort: new URLSearchParams(location.hash.split("?")[1]).get("sort") ?? "", keep: true });
 }
 
-export async function showLot({ argument, parameters, signal }) {
+/// Says when more of the lot has been analysed than is shown. What is shown stays: nothing moves under the reader's eyes.
+function laterResults(lot, path, again, signal) {
+  if (lot.analysed_valves === lot.valves) return null;
+  const said = el("p", { role: "status", class: "since" });
+  const look = async () => {
+    const now = await get(path, signal);
+    const more = now.analysed_valves - lot.analysed_valves;
+    if (more > 0) said.replaceChildren(`${counted(more, "more valve")} ${more === 1 ? "has" : "have"} been analysed since. `, el("button", { type: "button", onclick: again }, "Show"));
+  };
+  return { node: said, shown: () => follow(look, signal).catch(() => {}) };
+}
+
+export async function showLot({ argument, parameters, signal, again }) {
   const path = `/v1/lots/${encodeURIComponent(argument)}`;
   const filters = Object.keys(FILTERS).filter((name) => parameters.get(name)).map((name) => [name, parameters.get(name)]);
   if (filters.length > 0) return { node: filteredLot(argument, await get(`${path}/history`, signal), filters), title: `Lot ${argument}` };
@@ -237,11 +250,13 @@ export async function showLot({ argument, parameters, signal }) {
   const sizes = parametersPart(path, parameters, signal);
   const shifts = shiftsPart(path, signal);
   const patterns = patternsPart(path, signal);
+  const later = laterResults(lot, path, again, signal);
   const node = el("div", {},
     el("h1", {}, "Lot ", argument),
     el("p", {}, `${counted(lot.valves, "valve")} in ${counted(lot.submissions, "session")}, ${lot.analysed_valves} analysed; received `, time(lot.first_received_at), " to ", time(lot.last_received_at), ". ",
       el("a", { href: address("valves", null, { lot: argument }) }, "All sessions"), " ",
       el("a", { href: address("compare", null, { lot: argument }) }, "compare"), " ", reportLink(`Lot ${argument}`, `${path}/report`)),
+    later?.node,
     alarmList(history.alarms),
     el("div", { class: "columns" }, section("Verdicts", verdictBars(argument, history.verdicts)), section("Causes", pareto(argument, history.valves))),
     history.valves.length ? section("Verdicts over time", verdictColumns(history.valves, (group, verdict) =>
@@ -254,5 +269,5 @@ export async function showLot({ argument, parameters, signal }) {
     section("Valves", valveTable(history)));
   return { node, title: `Lot ${argument}`,
     // What has to be read from many analyses waits until the rest is drawn.
-    shown: () => requestAnimationFrame(() => setTimeout(() => !signal.aborted && [sizes, shifts, patterns].forEach((part) => part.shown()))) };
+    shown: () => requestAnimationFrame(() => setTimeout(() => !signal.aborted && [sizes, shifts, patterns, later].filter(Boolean).forEach((part) => part.shown()))) };
 }

@@ -361,6 +361,24 @@ class Page(unittest.TestCase):
         self.browser.wait_for_text("simulated (CSV)")
         self.assertIn("Verdict", self.browser.text())
 
+    def test_a_lot_tells_when_more_of_it_has_been_analysed(self):
+        server, go = self.own_server(), self.folder / "go at last"
+        self.addCleanup(go.touch)
+        server.send(recording("EFC-1", "2026-W45"))
+        server.post("/v1/recordings?name=held.csv", recording("EFC-2", "2026-W45", complaint=f"wait {go}"))
+        self.browser.open(f"{server.url}/#/lot/2026-W45")
+        self.browser.wait_for_text("2 valves in 2 sessions, 1 analysed")
+        self.assertNotIn("more valve", self.browser.text())
+        place = "document.querySelector('h2').getBoundingClientRect().top"
+        before = self.browser.run(place)
+        go.touch()
+        self.browser.wait_for_text("1 more valve has been analysed since.")
+        self.assertIn("1 analysed", self.browser.text())
+        self.assertEqual(self.browser.run(place), before)
+        self.browser.run("[...document.querySelectorAll('main button')].find((b) => b.textContent === 'Show').click()")
+        self.browser.wait_for_text("2 valves in 2 sessions, 2 analysed")
+        self.assertNotIn("more valve", self.browser.text())
+
     def test_a_verdict_column_carries_the_sign_of_its_verdict(self):
         self.open("/lots", "2026-W31-B")
         self.browser.run("""import('/web/chart.js').then((m) => document.querySelector('main').replaceChildren(m.verdictColumns(
