@@ -20,7 +20,9 @@ Entry& entry_of(std::vector<Entry>& entries, const std::string Entry::*name, con
   return known == entries.end() ? entries.emplace_back(std::move(fresh)) : *known;
 }
 
-bool is_own_per_recording(const std::string& cause, const std::string& name) {
+/// What says where or which, or what every recording has its own of, is no size of the cause.
+bool is_no_size(const std::string& cause, const std::string& name) {
+  if (name == "recording" || name == "ahead_of_map") return true;
   const Mechanism* law = find_mechanism(cause);
   if (law == nullptr) return false;
   const auto own = law->parameters.last(law->own_per_recording);
@@ -35,7 +37,7 @@ void add_cause(report::LotSizes& sizes, const SubmissionRow& valve, const Json& 
   const Json parameters = found.value("parameters", Json::object());
   for (const auto& [name, estimate] : parameters.items()) {
     if (!estimate.is_object() || !estimate.value("value", Json()).is_number()) continue;
-    if (name == "recording" || is_own_per_recording(cause, name)) continue;  // which recording is no size
+    if (is_no_size(cause, name)) continue;
     const Json ci95 = estimate.value("ci95", Json::array());
     const bool bounded = ci95.is_array() && ci95.size() == 2;
     entry_of(entry.parameters, &report::ParameterSizes::name, name,

@@ -78,6 +78,7 @@ function goodValves({ mean, sd }) {
 function parameterTable(cause, recordings) {
   const rows = Object.entries(cause.parameters).map(([name, p]) => {
     if (name === "recording") return { name, value: recordings[Math.round(p.value)]?.name ?? "–" }; // its index is nobody's name
+    if (name === "ahead_of_map") return { name, value: p.value ? "yes: coil or spool" : "no: pressure or gauge" };
     const [factor, unit] = typeof p.value === "string" ? [1, p.unit] : scaled(p.value, p.unit);
     const times = (value) => (typeof value === "number" ? value * factor : value);
     return { name, unit, value: times(p.value), se: times(p.std_error), low: times(p.ci95?.[0]), high: times(p.ci95?.[1]),

@@ -144,6 +144,15 @@ class Page(unittest.TestCase):
         self.assertIn("holds until the current has moved 20 mA", self.browser.run("document.body.textContent"))
         self.picture("valve")
 
+    def test_a_parameter_that_is_an_index_is_shown_as_what_it_means(self):
+        server = self.own_server()
+        row = server.send(recording("EFC-ONCE", "2026-W46", complaint="named intermittent"))
+        self.browser.open(f"{server.url}/#/valve/{row['submission_id']}")
+        self.browser.wait_for_text("Parameters of intermittent")
+        cells = self.browser.run("[...document.querySelectorAll('.cause tbody tr')].map((row) => [row.cells[0].innerText, row.cells[1].innerText])")
+        self.assertIn(["recording", "steps.csv"], cells)
+        self.assertIn("in steps.csv", self.browser.text())
+
     def test_a_mean_is_written_as_far_as_its_deviation_tells(self):
         self.open("/lots", "2026-W31-B")
         said = self.browser.run("""import('/web/format.js').then((m) =>

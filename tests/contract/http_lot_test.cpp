@@ -170,6 +170,14 @@ TEST_F(HttpLot, LaysWhatTeardownFoundBesideWhatWasNamed) {
                                           "unexplained/none/1"}));
 }
 
+TEST_F(HttpLot, TakesNoIndexForASizeOfItsCause) {
+  send("EFC-1", "named intermittent");
+  const Json answer = get("/v1/lots/lot-1/parameters");
+  ASSERT_EQ(answer["items"].size(), 1u);
+  ASSERT_EQ(answer["items"][0]["parameters"].size(), 1u) << answer.dump();
+  EXPECT_EQ(answer["items"][0]["parameters"][0]["name"], "breakaway_A");
+}
+
 std::vector<std::string> serials(const Json& valves) {
   std::vector<std::string> all;
   for (const Json& valve : valves) all.push_back(valve["serial"]);

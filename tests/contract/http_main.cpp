@@ -55,6 +55,11 @@ Json analysis_asked_for(const std::optional<std::string>& complaint) {
     while (words >> word) {
       found["causes"].push_back(example);
       found["causes"].back()["cause"] = word;
+      if (word != "intermittent") continue;
+      Json& parameters = found["causes"].back()["parameters"];
+      parameters["recording"] = parameters["breakaway_A"];  // in which one it is, by its index
+      parameters["recording"]["value"] = 0;
+      parameters["recording"]["unit"] = "";
     }
   } else {
     found["causes"] = Json::array();
