@@ -260,10 +260,14 @@ Result<void> survey_members(const std::vector<Member>& members, ValveFitOptions 
     }
     for (const auto& [group, log_ratio] : seen.leftovers) leftover[group].add(log_ratio);
   }
-  for (const auto& [cause, values] : evidence) {
+  for (auto& [cause, values] : evidence) {
     // A cause that did not show in some valves had no evidence there.
-    const double mean = values.mean * values.n / static_cast<double>(used.size());
-    reference.causes.push_back({cause, mean, size[cause].mean, size[cause].sd()});
+    while (values.n < static_cast<int>(used.size())) values.add(0);
+    reference.causes.push_back({.cause = cause,
+                                .evidence_mean = values.mean,
+                                .evidence_sd = values.sd(),
+                                .size_mean = size[cause].mean,
+                                .size_sd = size[cause].sd()});
   }
   for (const auto& [group, values] : leftover) reference.leftovers.push_back({group, values.mean, values.sd()});
   return {};

@@ -13,15 +13,16 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kLocalShift_a = 0.1;  // over which a map's local shifts are alike
+// Over which a map's local shifts are alike: no less than knots can show, no more than makes one shift of all.
+constexpr double kShortest_a = 0.05, kTypical_a = 0.15, kLongest_a = 1;
 // A parameter that happens to agree between a few valves is not known exactly: a thousandth of itself at least.
 constexpr double kLeastSpread = 1e-3;
 constexpr double kLeastKnotSpread_psi = 0.02;
 // Errors are known to a factor of two at best: they never explain all of what is seen.
 constexpr double kLeastOfVariance = 0.25;
 
-/// Standard deviations of a map's ways to differ.
-enum Part { kShift, kLocal, kGain, kOffset, kOwn, kParts };
+/// Standard deviations of a map's ways to differ, and over which input its local shifts are alike.
+enum Part { kShift, kLocal, kGain, kOffset, kOwn, kLength, kParts };
 using Sizes = std::array<double, kParts>;
 
 /// A map's mean with its slopes.
@@ -34,7 +35,7 @@ MatrixXd map_covariance(const MeanMap& map, const Sizes& size) {
   MatrixXd c(n, n);
   for (Index i = 0; i < n; ++i) {
     for (Index j = 0; j < n; ++j) {
-      const double apart = (map.input(i) - map.input(j)) / kLocalShift_a;
+      const double apart = (map.input(i) - map.input(j)) / size[kLength];
       const double along = size[kShift] * size[kShift] + size[kLocal] * size[kLocal] * std::exp(-0.5 * apart * apart);
       c(i, j) = map.slope(i) * map.slope(j) * along + size[kGain] * size[kGain] * map.output(i) * map.output(j) +
                 size[kOffset] * size[kOffset];
@@ -57,7 +58,7 @@ Sizes fit_sizes(const MeanMap& map, const MatrixXd& errors, const MatrixXd& devi
   const double typical = std::sqrt(deviations.squaredNorm() / static_cast<double>(deviations.size()));
   const double steep = std::max(map.slope.cwiseAbs().maxCoeff(), 1e-9);
   const double high = std::max(map.output.cwiseAbs().maxCoeff(), 1e-9);
-  Sizes size{typical / steep, typical / steep, typical / high, 0.3 * typical, 0.3 * typical};
+  Sizes size{typical / steep, typical / steep, typical / high, 0.3 * typical, 0.3 * typical, kTypical_a};
   size[kOwn] = std::max(size[kOwn], kLeastKnotSpread_psi);
   double best = log_likelihood(map_covariance(map, size) + errors, deviations);
   for (const double factor : {3.0, 3.0, 1.7, 1.7, 1.3, 1.3, 1.1}) {
@@ -66,7 +67,8 @@ Sizes fit_sizes(const MeanMap& map, const MatrixXd& errors, const MatrixXd& devi
         for (int times = 0; times < 6; ++times) {
           Sizes tried = size;
           tried[static_cast<std::size_t>(part)] *= by;
-          if (part == kOwn) tried[kOwn] = std::max(tried[kOwn], kLeastKnotSpread_psi);
+          tried[kOwn] = std::max(tried[kOwn], kLeastKnotSpread_psi);
+          tried[kLength] = std::clamp(tried[kLength], kShortest_a, kLongest_a);
           const double likelihood = log_likelihood(map_covariance(map, tried) + errors, deviations);
           if (!(likelihood > best + 1e-9)) break;
           best = likelihood;

@@ -7,6 +7,7 @@
 #include <boost/math/distributions/students_t.hpp>
 #include <cmath>
 #include <limits>
+#include <vector>
 
 namespace valvetriage {
 namespace {
@@ -18,6 +19,17 @@ constexpr std::array<Index, 5> kScoreBlocks{1, 4, 16, 64, 256};
 constexpr Index kGroupBlock = 16;
 constexpr double kBystanders = 0.2;
 constexpr int kFewestBlocks = 12;
+// A few valves may agree by chance: their scatter counts as what three in four such samples stay under.
+constexpr double kQuartile = 0.25;
+
+/// Freedoms of the χ² whose relative scatter is that of good valves' evidence beyond noise; 1 where it is not known.
+double freedoms_of_spread(double mean_beyond_noise, const GoodValveEvidence& good) {
+  if (!(good.sd > 0) || !(mean_beyond_noise > 1) || good.valves < 3) return 1;
+  const double known = good.valves - 1;
+  const boost::math::chi_squared scatter(known);
+  const double variance = good.sd * good.sd * known / boost::math::quantile(scatter, kQuartile);
+  return std::max(1.0, 2 * mean_beyond_noise * mean_beyond_noise / variance);
+}
 
 }  // namespace
 
@@ -48,7 +60,7 @@ Evidence Evidence::at_most(double reduction) const {
   return {std::min(value, most), std::min(exact, most), freedoms};
 }
 
-Evidence consistent_evidence(const Stack& before, const Stack& after, double reduction, double weight) {
+Evidence consistent_evidence(const Stack& before, const Stack& after, double reduction, double weight, Index slowest) {
   double energy = 0, closed = 0;
   for (std::size_t r = 0; r < before.size(); ++r) {
     energy += (before[r] - after[r]).squaredNorm();
@@ -56,7 +68,9 @@ Evidence consistent_evidence(const Stack& before, const Stack& after, double red
   }
   double scatter = energy;  // white noise of unit variance
   double freedoms = std::numeric_limits<double>::infinity();
-  for (const Index length : kScoreBlocks) {
+  std::vector<Index> lengths(kScoreBlocks.begin(), kScoreBlocks.end());
+  if (slowest > lengths.back()) lengths.push_back(slowest);
+  for (const Index length : lengths) {
     double squares = 0, fourths = 0;
     for (std::size_t r = 0; r < before.size(); ++r) {
       for (Index first = 0; first < before[r].size(); first += length) {
@@ -102,8 +116,8 @@ Contrast contrast(const Stack& winner, const Stack& rival) {
   return contrast;
 }
 
-double good_valve_p_value(const Evidence& evidence, Index freedoms, double noise_reduction, double good_valve_mean,
-                          int good_valves) {
+double good_valve_p_value(const Evidence& evidence, Index freedoms, double noise_reduction,
+                          const GoodValveEvidence& good) {
   const double k = static_cast<double>(freedoms);
   const double searched = std::max(0.0, noise_reduction - k);
   const double beyond_search = evidence.as_normal() - searched;
@@ -111,9 +125,10 @@ double good_valve_p_value(const Evidence& evidence, Index freedoms, double noise
   const boost::math::chi_squared noise(k);
   const double by_noise = boost::math::cdf(boost::math::complement(noise, beyond_search));
   const double beyond_noise = evidence.value - std::max(0.0, noise_reduction - 1);
-  if (!(beyond_noise > 0) || good_valves < 1) return by_noise;
-  const double spread = std::max(0.0, good_valve_mean - noise_reduction);
-  const boost::math::fisher_f population(1, good_valves);
+  if (!(beyond_noise > 0) || good.valves < 1) return by_noise;
+  const double spread = std::max(0.0, good.mean - noise_reduction);
+  const double own = freedoms_of_spread(1 + spread, good);
+  const boost::math::fisher_f population(own, own * good.valves);
   const double by_spread = boost::math::cdf(boost::math::complement(population, beyond_noise / (1 + spread)));
   return std::max(by_noise, by_spread);
 }

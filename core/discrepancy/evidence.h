@@ -34,20 +34,24 @@ struct Evidence {
 ///
 ///   T = (Σ_b s_b·s_b)² / Σ_b (s_b·after_b)²
 ///
-/// over blocks b of 1 to 256 samples, the least of them. For white noise of unit variance T is s·s, the reduction of
-/// the cost; where what is left beside the signature is coarser just where the signature lives (a jittering clock at
-/// the edges, a few lost samples, another law's leftover), T says so. The consistent variance of a score: White,
-/// Econometrica 48 (1980) 817; Newey and West, Econometrica 55 (1987) 703, here with blocks for lags. Where more than
-/// white noise scatters, a few loud places may have told how much: T is then the square of a Student t (Bell and
-/// McCaffrey, Survey Methodology 28 (2002) 169; its freedoms by Satterthwaite, of the part beyond white noise).
+/// over blocks b of 1 to 256 samples and of `slowest`, the least of them. For white noise of unit variance T is s·s,
+/// the reduction of the cost; where what is left beside the signature is coarser just where the signature lives (a
+/// jittering clock at the edges, a few lost samples, another law's leftover), T says so. The consistent variance of a
+/// score: White, Econometrica 48 (1980) 817; Newey and West, Econometrica 55 (1987) 703, here with blocks for lags.
+/// Where more than white noise scatters, a few loud places may have told how much: T is then the square of a Student t
+/// (Bell and McCaffrey, Survey Methodology 28 (2002) 169; its freedoms by Satterthwaite, of the part beyond white
+/// noise).
 ///
 /// reduction  of the whole cost, of the samples that the rows stand for
 /// weight     samples that one row stands for
+/// slowest    rows over which the signature changes slowest, if that is more than the largest block: shorter ones take
+///            the swing of a slow residual for scatter that averages out
 /// returns    T, and what the reduction owes to the prior rather than to the residual: no noise in that. Where this is
 ///            the greater part, the samples that moved the valve away from the prior speak for it as well, and as
 ///            noisily: R² / (Σ_b (s_b·after_b)² + R − Σ_b s_b·s_b), R the reduction, the prior as data of its own
 ///            variance. Where the samples hardly change, the prior's part alone
-Evidence consistent_evidence(const Stack& before, const Stack& after, double reduction, double weight);
+Evidence consistent_evidence(const Stack& before, const Stack& after, double reduction, double weight,
+                             Eigen::Index slowest = 0);
 
 /// Two explanations that both may be wrong, compared block by block: Vuong, Econometrica 57 (1989) 307.
 struct Contrast {
@@ -56,19 +60,27 @@ struct Contrast {
 };
 Contrast contrast(const Stack& winner, const Stack& rival);
 
+/// The evidence for a cause that good valves show, each against the others.
+struct GoodValveEvidence {
+  double mean = 0;
+  double sd = 0;  ///< between valves; 0 if not known
+  int valves = 0;
+};
+
 /// Probability that a good valve seems to have as much of a cause: the larger of what noise and what the spread between
 /// good valves would do. In noise the evidence counts as what a normal deviate would have.
 ///
 ///   noise   evidence − (kNoise − k) as χ² of k freedoms
-///   spread  (evidence − (kNoise − 1)) / s² as F of 1 and n freedoms,   s² = 1 + max(0, mean over good valves −
+///   spread  (evidence − (kNoise − 1)) / s² as F of m and n m freedoms,   s² = 1 + max(0, mean over good valves −
 ///   kNoise)
 ///
 /// Noise is known; the spread between valves is known from n of them alone, and n that show nothing do not say that
 /// there is none. `kNoise` is what noise alone gives after the search over the law's instants or frequencies, k the
-/// parameters.
-///
+/// parameters. What a law takes from the simulation's own bias differs less between valves than the square of one
+/// normal deviate would: m, at least 1, is what their scatter tells (2 (mean / sd)², Satterthwaite, Biometrics
+/// Bulletin 2 (1946) 110), the upper quartile of what n valves say of sd.
 double good_valve_p_value(const Evidence& evidence, Eigen::Index freedoms, double noise_reduction,
-                          double good_valve_mean, int good_valves);
+                          const GoodValveEvidence& good);
 
 /// The same by the size of the effect, where good valves have a mean size: Student's t of
 /// (size − mean) / √(sd² (1 + 1/n) + error²), the error of the size known, sd from n valves.

@@ -133,19 +133,41 @@ std::vector<double> scaled(const Point& point, const LinearisedValve& fit, const
   return parameters;
 }
 
-/// The starts that promise most, best first.
-std::vector<Point> best_starts(Search& search, const LinearisedValve& fit,
+/// The same size on the other side of no effect; nothing where the law has none there.
+std::optional<std::vector<double>> mirrored(const Search& search, const LawInFit& law, std::vector<double> parameters) {
+  const std::size_t at = law.law->size_parameter;
+  const double neutral = law.law->neutral;
+  if (at >= parameters.size() || !std::isfinite(neutral) || !(law.lower[at] < neutral)) return std::nullopt;
+  parameters[at] = 2 * neutral - parameters[at];
+  parameters = search.clamped(std::move(parameters));
+  if (parameters[at] == neutral) return std::nullopt;
+  return parameters;
+}
+
+Point point_at(Search& search, const LinearisedValve& fit, std::vector<double> parameters) {
+  Point point;
+  point.parameters = std::move(parameters);
+  point.effect = search.effect(point.parameters);
+  const double size = fit.product(point.effect, point.effect);
+  if (!(size > kLeastEffect)) return point;
+  const double against = fit.against_error(point.effect);
+  point.promise = against > 0 ? against * against / size : 0;
+  point.cost = fit.cost_without(point.effect);
+  return point;
+}
+
+/// The starts that promise most, best first. Whichever sign a start has, the recordings tell the effect's.
+std::vector<Point> best_starts(Search& search, const LinearisedValve& fit, const LawInFit& law,
                                const std::vector<std::vector<double>>& starts, std::size_t most) {
   std::vector<Point> best;
   for (const std::vector<double>& start : starts) {
-    Point point;
-    point.parameters = search.clamped(start);
-    point.effect = search.effect(point.parameters);
-    const double size = fit.product(point.effect, point.effect);
-    if (!(size > kLeastEffect)) continue;
-    const double against = fit.against_error(point.effect);
-    point.promise = against > 0 ? against * against / size : 0;
-    point.cost = fit.cost_without(point.effect);
+    Point point = point_at(search, fit, search.clamped(start));
+    if (!(fit.product(point.effect, point.effect) > kLeastEffect)) continue;
+    if (point.promise == 0) {
+      if (auto other = mirrored(search, law, point.parameters)) {
+        if (Point there = point_at(search, fit, std::move(*other)); there.promise > 0) point = std::move(there);
+      }
+    }
     const auto behind =
         std::find_if(best.begin(), best.end(), [&](const Point& p) { return p.promise < point.promise; });
     best.insert(behind, std::move(point));
@@ -219,9 +241,14 @@ void try_in_place_of_own(Search& search, const LinearisedValve& fit, const std::
   const std::size_t at = law.size_parameter;
   if (!std::isfinite(law.neutral) || at >= found.law.shared()) return;
   std::vector<double> small = search.clamped(start);
-  const double step = std::copysign(search.step(at), small[at] - law.neutral);
+  double step = std::copysign(search.step(at), small[at] - law.neutral);
   small[at] = law.neutral + step;
-  const LinearisedValve::Signature effect = search.effect(search.clamped(small));
+  LinearisedValve::Signature effect = search.effect(search.clamped(small));
+  if (fit.against_error(effect) < 0 && found.law.lower[at] < law.neutral) {
+    step = -step;
+    small[at] = law.neutral + step;
+    effect = times(std::move(effect), -1);
+  }
   const double power = fit.product(effect, effect), against = fit.against_error(effect);
   if (!(power > 0) || !(against > 0)) return;
   const double promise = against * against / power;
@@ -295,7 +322,7 @@ std::optional<LawFit> search_from_starts(Search& search, const LinearisedValve& 
                                          double worthwhile) {
   // A law of many parameters, hunting, has valleys beside the right one that begin better.
   const std::size_t finalists = law.shared() >= kManyParameters ? kFinalists : 1;
-  std::vector<Point> best = best_starts(search, fit, starts, finalists);
+  std::vector<Point> best = best_starts(search, fit, law, starts, finalists);
   if (best.empty()) return std::nullopt;
   if (best.front().promise < worthwhile) return nothing_found(fit, law, search, best.front());
   std::optional<Point> point;
@@ -311,7 +338,9 @@ std::optional<LawFit> search_from_starts(Search& search, const LinearisedValve& 
                .freedoms = std::max<Index>(1, search.freedoms()),
                .baseline = fit.at() + fit.shift_without(point->effect),
                .residual = fit.residual_without(point->effect)};
-  found.consistent_reduction = consistent_evidence(fit.residual_alone(), found.residual, found.reduction, fit.weight());
+  const Index slowest = slowest_rows(fit.problem(), law, found.parameters);
+  found.consistent_reduction =
+      consistent_evidence(fit.residual_alone(), found.residual, found.reduction, fit.weight(), slowest);
   // A law that the valve could absorb shows a false gain where the valve's moves are only linear: simulate them.
   for (const double share : {1.0, 0.5}) {
     std::vector<double> parameters = found.parameters;
@@ -323,7 +352,7 @@ std::optional<LawFit> search_from_starts(Search& search, const LinearisedValve& 
     if (verified > found.verified) {
       found.verified = verified;
       found.consistent_verified =
-          consistent_evidence(fit.error(), search.residual(moved, parameters), verified, fit.weight());
+          consistent_evidence(fit.error(), search.residual(moved, parameters), verified, fit.weight(), slowest);
     }
     if (found.verified > 0.5 * found.reduction) break;
   }
@@ -340,6 +369,19 @@ std::optional<LawFit> search_law(const LinearisedValve& fit, const ValveFitOptio
   if (options.prior && !starts.empty()) try_in_place_of_own(search, fit, starts.front(), *found);
   found->simulations = search.simulations();
   return found;
+}
+
+Index slowest_rows(const ValveFitProblem& problem, const LawInFit& law, const std::vector<double>& parameters) {
+  const Mechanism& mechanism = *law.law;
+  double slowest = 0;
+  for (std::size_t r = 0; r < problem.recordings(); ++r) {
+    const Recording& recording = problem.recording(r);
+    double samples = 0;
+    if (mechanism.family == "slow" && !law.recording) samples = static_cast<double>(recording.samples());
+    if (mechanism.cause == "periodic_disturbance") samples = 1 / (parameters.front() * recording.sample_period_s);
+    slowest = std::max(slowest, samples);
+  }
+  return static_cast<Index>(std::ceil(slowest / static_cast<double>(problem.stride())));
 }
 
 std::optional<double> upper_limit95(const LinearisedValve& fit, const ValveFitOptions& options, const LawFit& law,

@@ -11,8 +11,10 @@ namespace {
 
 using Eigen::Index;
 
-// A line shorter than this many periods is a drift, not a tone.
-constexpr double kFewestPeriods = 3;
+// Fewer periods do not tell a tone from what wanders slowly.
+constexpr double kFewestPeriods = 10;
+// Hunting shows in several rests, each of them short: a line of fewer periods in a rest is a drift.
+constexpr double kFewestInRest = 3;
 // The background of a line: the median over this many bins to either side.
 constexpr std::size_t kBackgroundBins = 24;
 
@@ -150,7 +152,7 @@ std::vector<HuntingTone> hunting_tones(const LinearisedValve& fit, double range,
   };
   std::vector<Line> lines;
   for (const Rest& strongest : rests) {
-    const auto first = static_cast<std::size_t>(std::ceil(kFewestPeriods / kShortestRest_s / bin_hz));
+    const auto first = static_cast<std::size_t>(std::ceil(kFewestInRest / kShortestRest_s / bin_hz));
     for (std::size_t k = first; k + 1 < strongest.power.size(); ++k) {
       const double own = strongest.power[k];
       if (own < strongest.power[k - 1] || own <= strongest.power[k + 1]) continue;

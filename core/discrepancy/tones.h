@@ -16,7 +16,7 @@ struct Tone {
 
 /// The most prominent lines of a residual, by the periodogram of every recording over its local background, summed.
 ///
-/// most   how many, the most prominent first; none with fewer than three periods in the longest recording
+/// most   how many, the most prominent first; none with fewer than ten periods in the longest recording
 /// Cost   O(n log n)
 std::vector<Tone> strongest_tones(const LinearisedValve& fit, std::size_t most);
 

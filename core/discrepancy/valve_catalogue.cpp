@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <numeric>
 
 #include "core/discrepancy/input_lines.h"
 #include "core/discrepancy/tones.h"
@@ -19,6 +20,8 @@ constexpr std::size_t kHuntingTones = 2;
 constexpr double kAtTheStop = 0.02;
 // An abrupt change is looked for at this many instants of each recording; the fit moves them.
 constexpr int kInstants = 24;
+// Of a recording's energy, on either side of such an instant.
+constexpr double kEnergyBesideInstant = 0.1;
 
 double quantile_of_readings(const LinearisedValve& fit, double share) {
   std::vector<double> readings;
@@ -115,19 +118,34 @@ void add_hunting(const LinearisedValve& fit, const MechanismScales& scales, cons
   if (!variant.starts.empty()) variants.push_back(std::move(variant));
 }
 
+/// The time by which a recording's output has spent a share of its energy.
+double time_of_share(const std::vector<double>& output, double sample_period_s, double share) {
+  const double energy = std::inner_product(output.begin(), output.end(), output.begin(), 0.0);
+  double spent = 0;
+  std::size_t i = 0;
+  while (i < output.size() && spent < share * energy) {
+    spent += output[i] * output[i];
+    ++i;
+  }
+  return static_cast<double>(i) * sample_period_s;
+}
+
+/// An abrupt change of gain is one where the output before it and the output after it tell their gains: at the ends of
+/// a recording it is a gain that one recording has as a whole.
 void add_instants(const LinearisedValve& fit, const LawInFit& law, std::vector<LawVariant>& variants) {
   for (std::size_t r = 0; r < fit.problem().recordings(); ++r) {
-    const Recording& recording = fit.problem().recording(r);
+    const double period_s = fit.problem().recording(r).sample_period_s;
     LawVariant variant{.law = law};
     variant.law.recording = r;
+    const double first_s = time_of_share(fit.run(r).output, period_s, kEnergyBesideInstant);
+    const double last_s = time_of_share(fit.run(r).output, period_s, 1 - kEnergyBesideInstant);
+    variant.law.lower[kInstantOf] = first_s;
+    variant.law.upper[kInstantOf] = last_s;
     variant.law.lower.back() = variant.law.upper.back() = static_cast<double>(r);
-    const double length_s = static_cast<double>(recording.samples()) * recording.sample_period_s;
     for (int i = 0; i < kInstants; ++i) {
       std::vector<double> start = law.start;
-      for (std::size_t j = 0; j < law.law->parameters.size(); ++j) {
-        if (law.law->parameters[j].name == "time_s") start[j] = length_s * (i + 0.25) / kInstants;
-        if (law.law->parameters[j].name == "recording") start[j] = static_cast<double>(r);
-      }
+      start[kInstantOf] = first_s + (last_s - first_s) * (i + 0.25) / kInstants;
+      start.back() = static_cast<double>(r);
       variant.starts.push_back(std::move(start));
     }
     variants.push_back(std::move(variant));

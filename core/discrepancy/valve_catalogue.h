@@ -7,6 +7,9 @@
 
 namespace valvetriage {
 
+/// Entry of a law that acts in one recording from an instant on: that instant [s].
+inline constexpr std::size_t kInstantOf = 0;
+
 /// One way in which a cause may act in a session: everywhere, in one recording, through one side channel.
 struct LawVariant {
   LawInFit law;

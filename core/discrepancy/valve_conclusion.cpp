@@ -25,6 +25,8 @@ constexpr double kMostLeft = 0.25;
 constexpr double kWhiteAtRest = 5;
 // A tone whose strength differs between recordings by half of it, in the mean square, is no tone of the stand.
 constexpr double kUnevenTone = 0.25;
+// A line this far above its neighbours, all lines of all recordings counted, is no chance of coloured noise.
+constexpr double kCertainLine = 1e-6;
 // A cause that the prior carries, a delay or a gain, neither helps nor harms held-out recordings: this much by chance.
 constexpr double kMostHarm = 0.01;
 // Of a name whose extension leaves too much: as likely as not.
@@ -120,6 +122,13 @@ std::vector<Finding> dependences(const Explanation& baseline) {
     views.push_back({&problem.recording(r), residuals[r], 1 / std::sqrt(problem.inverse_variance(r))});
   }
   return find_dependences(views);
+}
+
+/// A tone that some recordings have and others have not is no law's, and still nothing that good valves show.
+bool has_certain_line(const std::vector<Finding>& findings) {
+  return std::any_of(findings.begin(), findings.end(), [](const Finding& finding) {
+    return finding.what == "has a line" && finding.p_value < kCertainLine;
+  });
 }
 
 double family_probability(const std::vector<Ranked>& ranked, std::string_view family) {
@@ -367,7 +376,8 @@ ValveDiagnosis conclude(const SearchedValve& searched, const ValveDiagnosisOptio
   const LinearisedValve linear(*explanation.problem, explanation.v);
   const double inflation = noise_inflation(whitened_residual(explanation));
   Leftover leftover = leftover_of(linear, options);
-  const bool is_left = leftover.p_value < kFalseAlarm;
+  std::vector<Finding> findings = dependences(searched.baseline);
+  const bool is_left = leftover.p_value < kFalseAlarm || (explanation.laws.empty() && has_certain_line(findings));
   const double there = searched.baseline.cost - noise_cost(searched.baseline);
   const double remains = std::max(0.0, explanation.cost - noise_cost(explanation));
   // A disturbance acts at rest as well: what it leaves there that is no white noise is not explained by it.
@@ -397,7 +407,7 @@ ValveDiagnosis conclude(const SearchedValve& searched, const ValveDiagnosisOptio
     discrepancy.conclusion = open_place(discrepancy.causes) ? Conclusion::kAmbiguous : Conclusion::kNamed;
   }
 
-  discrepancy.findings = dependences(searched.baseline);
+  discrepancy.findings = std::move(findings);
   discrepancy.findings.insert(discrepancy.findings.end(), leftover.findings.begin(), leftover.findings.end());
   measure_each(searched, discrepancy);
   discrepancy.candidates = candidates_of(searched, discrepancy, leftover, linear, inflation, options);

@@ -1,9 +1,12 @@
 #include "core/discrepancy/valve_contest.h"
 
 #include <algorithm>
+#include <boost/math/distributions/chi_squared.hpp>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <set>
+#include <utility>
 
 #include "core/discrepancy/evidence.h"
 #include "core/discrepancy/valve_catalogue.h"
@@ -31,7 +34,9 @@ constexpr std::size_t kGoodValveJointFits = 3;
 // 2 ln of the instants or tones tried: a search over more than fifty of them.
 constexpr double kLongSearch = 8;
 constexpr int kJointSteps = 12;
-constexpr std::size_t kMostStarts = 12;
+constexpr std::size_t kMostStarts = 16;
+// Dry friction has valleys beside the right one.
+constexpr std::size_t kStartsFromPlace = 2;
 // A residual this many times slower than white noise has bent the baseline.
 constexpr double kBent = 6;
 // So has a fit this many standard deviations of χ² farther from the population than a good valve is.
@@ -53,6 +58,19 @@ double size_in(const Explanation& explanation) {
   return at < parameters.size() ? parameters[at] : 1;
 }
 
+Index slowest_of(const Explanation& explanation) {
+  const std::size_t last = explanation.laws.size() - 1;
+  return slowest_rows(*explanation.problem, explanation.laws[last].law,
+                      explanation.problem->law_parameters(explanation.v, last, 0));
+}
+
+/// Whether a change at an instant went as near to an end of its recording as it may.
+bool is_at_an_end(const LawInFit& law, const std::vector<double>& parameters) {
+  if (!law.recording) return false;
+  const double instant_s = parameters[kInstantOf];
+  return instant_s <= law.lower[kInstantOf] || instant_s >= law.upper[kInstantOf];
+}
+
 /// What compares with good valves: dry friction, play and magnetic memory do what the valve's own loops do, and a law
 /// of them may stand in the place of those. Its size is then that of both beyond a good valve's; a dry friction F holds
 /// the spool over 2 F.
@@ -69,12 +87,16 @@ double size_beyond_good(const Tested& tested, const ValveFitOptions& options) {
   return with_own(*tested.fit.law.law, tested.size(), tested.fit.baseline, options);
 }
 
-/// Searching over s starting points costs 2 ln s of a likelihood ratio.
+/// What a law takes from white noise: the largest of as many draws of χ² as there are starting points, in the mean of
+/// its limiting (Gumbel) distribution.
 double noise_reduction(const LawVariant& variant, Index freedoms, std::size_t recordings, double samples) {
   double searched = static_cast<double>(std::max<std::size_t>(variant.starts.size(), 1));
   if (variant.law.recording) searched *= static_cast<double>(recordings);
   if (variant.law.law->cause == "periodic_disturbance") searched = samples / static_cast<double>(recordings);
-  return static_cast<double>(freedoms) + 2 * std::log(searched);
+  const boost::math::chi_squared of_one(static_cast<double>(freedoms));
+  const double of_largest =
+      boost::math::quantile(boost::math::complement(of_one, std::exp(-std::numbers::egamma) / searched));
+  return std::max(static_cast<double>(freedoms), of_largest);
 }
 
 /// What the search over a law's starts gives beside what its parameters give.
@@ -110,8 +132,9 @@ double size_told(const Tested& tested, const Evidence& evidence, double size) {
 /// well is no fault, however surely it is there.
 double p_value_of(const Tested& tested, const Evidence& evidence, double size, const ValveDiagnosisOptions& options) {
   const CauseOnGoodValves* good = on_good_valves(options.causes, tested.cause());
-  const double by_evidence = good_valve_p_value(evidence, tested.fit.freedoms, tested.noise_reduction,
-                                                good ? good->evidence_mean : 0, options.good_valves);
+  const GoodValveEvidence on_good{
+      .mean = good ? good->evidence_mean : 0, .sd = good ? good->evidence_sd : 0, .valves = options.good_valves};
+  const double by_evidence = good_valve_p_value(evidence, tested.fit.freedoms, tested.noise_reduction, on_good);
   // Where good valves show none, their spread is not known: the evidence alone tells. So it does for a change in one
   // recording, whose size weighs by how long it lasts.
   const bool is_comparable = std::isfinite(tested.fit.law.law->neutral) || (good && good->size_mean > 0);
@@ -266,8 +289,8 @@ struct JointFits {
   double inflation = 1;             ///< of the noise, by the best of them
 };
 
-/// Where a law's joint fit may begin beside where its search ended: from each of the given places of the valve, that of
-/// the search's starts which simulates best. Searches over many instants or tones need no more starts.
+/// Where a law's joint fit may begin beside where its search ended: from each of the given places of the valve, those
+/// of the search's starts which simulate best. Searches over many instants or tones need no more starts.
 std::vector<JointStart> joint_starts(const Tested& tested, const Explanation& beside,
                                      std::span<const VectorXd> places) {
   std::vector<JointStart> starts;
@@ -276,15 +299,14 @@ std::vector<JointStart> joint_starts(const Tested& tested, const Explanation& be
   options.laws.push_back(tested.fit.law);
   const ValveFitProblem problem(*beside.problem, options);
   for (const VectorXd& place : places) {
-    double lowest = std::numeric_limits<double>::infinity();
-    const std::vector<double>* best = nullptr;
+    std::vector<std::pair<double, const std::vector<double>*>> by_cost;
     for (const std::vector<double>& start : tested.starts) {
       const double cost = problem.cost(problem.clamped(beside.problem->continued_in(problem, place, start)));
-      if (!(cost < lowest)) continue;
-      lowest = cost;
-      best = &start;
+      if (std::isfinite(cost)) by_cost.emplace_back(cost, &start);
     }
-    if (best) starts.push_back({place, *best});
+    std::sort(by_cost.begin(), by_cost.end());
+    if (by_cost.size() > kStartsFromPlace) by_cost.resize(kStartsFromPlace);
+    for (const auto& [cost, start] : by_cost) starts.push_back({place, *start});
   }
   return starts;
 }
@@ -313,12 +335,15 @@ Ranked ranked_fit(const Tested& tested, double cost_beside, const Stack& error, 
   Ranked r{.cause = tested.cause(), .fitted_jointly = true};
   r.reduction = cost_beside - fitted.cost;
   r.residual = residual_at_rows(fitted);
-  r.evidence = consistent_evidence(error, r.residual, r.reduction, contest.weight).at_most(r.reduction);
+  r.evidence =
+      consistent_evidence(error, r.residual, r.reduction, contest.weight, slowest_of(fitted)).at_most(r.reduction);
   r.log_likelihood = rank_of(tested, r.reduction, options.causes, contest.inflation, contest.samples);
   r.penalty = fitted.cost - contest.weight * squares_of(r.residual);
   const double size = with_own(*tested.fit.law.law, size_in(fitted), fitted.v, options.fit);
   r.p_value = p_value_of(tested, r.evidence, size, options);
-  r.stands_out = is_beyond_noise(tested, r.evidence) && laws * r.p_value <= kFalseAlarm;
+  const LawInFit& law = fitted.laws.back().law;
+  const bool is_there = !is_at_an_end(law, fitted.problem->law_parameters(fitted.v, fitted.laws.size() - 1, 0));
+  r.stands_out = is_there && is_beyond_noise(tested, r.evidence) && laws * r.p_value <= kFalseAlarm;
   return r;
 }
 
@@ -405,7 +430,7 @@ Survey survey_laws(const LinearisedValve& fit, const ValveFitOptions& options) {
     for (const Tested& tested : survey.tested) best = std::max(best, tested.fit.reduction);
     const double worthwhile = std::max(kLeastPromise, kLeastShare * best);
     auto found = search_law(fit, options, variant.law, variant.starts, kSearchSteps, worthwhile);
-    if (!found) continue;
+    if (!found || is_at_an_end(found->law, found->parameters)) continue;
     Tested tested{
         .starts = variant.starts,
         .noise_reduction = noise_reduction(variant, found->freedoms, fit.problem().recordings(), fit.samples())};
@@ -520,7 +545,8 @@ GoodValveSurvey survey_good_valve(std::span<const Recording> recordings, const V
       const Explanation fitted = extend(nothing, tested.fit, kJointSteps, nothing.cost, starts);
       const Stack left = residual_at_rows(fitted);
       const double reduction = std::max(0.0, nothing.cost - fitted.cost);
-      const Evidence found = consistent_evidence(linear.error(), left, reduction, linear.weight()).at_most(reduction);
+      const Evidence found =
+          consistent_evidence(linear.error(), left, reduction, linear.weight(), slowest_of(fitted)).at_most(reduction);
       if (found.value > evidence.value) {
         evidence = found;
         size = size_in(fitted);

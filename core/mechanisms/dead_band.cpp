@@ -27,11 +27,12 @@ MechanismBounds bounds(const MechanismScales& scales) {
                          .step = {1e-3 * range, 2e-4 * range},
                          .starts = {}};
   if (!(range > 0)) return bounds;
-  for (const double width : {0.01, 0.06}) {
-    for (const double at : {0.3, 0.55, 0.8}) {
-      bounds.starts.push_back({scales.input_low + at * range, width * range});
-    }
+  // A narrow one shows nowhere but at its middle: a start every fortieth of the range.
+  constexpr int kMiddles = 40;
+  for (int i = 0; i < kMiddles; ++i) {
+    bounds.starts.push_back({scales.input_low + (i + 0.5) / kMiddles * range, 0.01 * range});
   }
+  for (const double at : {0.3, 0.55, 0.8}) bounds.starts.push_back({scales.input_low + at * range, 0.06 * range});
   return bounds;
 }
 

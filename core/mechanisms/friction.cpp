@@ -37,9 +37,9 @@ MechanismBounds bounds(const MechanismScales& scales) {
                          .upper = {0.5 * range, 0.5 * range, fastest},
                          .step = {1e-4 * range, 1e-4 * range, 1e-3 * range},
                          .starts = {}};
-  for (const double breakaway : spread(0.005 * range, 0.08 * range, 3)) {
-    for (const double speed : {0.1 * range, 0.6 * range}) {
-      bounds.starts.push_back({breakaway, 0.65 * breakaway, speed});
+  for (const double breakaway : spread(0.005 * range, 0.08 * range, 4)) {
+    for (const double kinetic : {0.65 * breakaway, 0.85 * breakaway}) {
+      for (const double speed : {0.1 * range, 0.6 * range}) bounds.starts.push_back({breakaway, kinetic, speed});
     }
   }
   return bounds;

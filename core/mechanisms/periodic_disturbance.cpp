@@ -29,9 +29,11 @@ constexpr std::array<MechanismParameter, 3> kParameters{
      {"phase_rad", "rad", "of the sine at the start of the recording", 0}}};
 constexpr std::array<std::string_view, 2> kConfusedWith{"self_oscillation", "resonance"};
 
-/// At least three periods in the longest recording; up to the Nyquist frequency.
+/// From ten periods in the longest recording, fewer do not tell a tone from what wanders slowly, to the Nyquist
+/// frequency.
 MechanismBounds bounds(const MechanismScales& scales) {
-  const double slowest_hz = 3 / scales.longest_s, fastest_hz = 0.495 / scales.sample_period_s;
+  constexpr double kFewestPeriods = 10;
+  const double slowest_hz = kFewestPeriods / scales.longest_s, fastest_hz = 0.495 / scales.sample_period_s;
   const double range = scales.output_range;
   MechanismBounds bounds{.lower = {slowest_hz, 0, -std::numbers::pi},
                          .upper = {fastest_hz, range, std::numbers::pi},

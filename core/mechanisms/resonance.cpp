@@ -30,7 +30,7 @@ MechanismBounds bounds(const MechanismScales& scales) {
                          .upper = {fastest_hz, 0.7},
                          .step = {1e-4 * std::sqrt(slowest_hz * fastest_hz), 1e-4},
                          .starts = {}};
-  for (const double frequency : spread(8 * slowest_hz, 0.4 * fastest_hz, 6)) bounds.starts.push_back({frequency, 0.1});
+  for (const double frequency : spread(8 * slowest_hz, 0.4 * fastest_hz, 12)) bounds.starts.push_back({frequency, 0.1});
   return bounds;
 }
 

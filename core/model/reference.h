@@ -49,6 +49,7 @@ struct ReferenceMember {
 struct CauseOnGoodValves {
   std::string cause;
   double evidence_mean = 0;  ///< reduction of the whitened cost, noise colour taken off
+  double evidence_sd = 0;    ///< between valves; 0 if not known
   double size_mean = 0;      ///< of the law's size parameter
   double size_sd = 0;
 };

@@ -37,6 +37,7 @@ Json to_json(const LevelPopulation& level) {
 Json to_json(const CauseOnGoodValves& cause) {
   return Json{{"cause", cause.cause},
               {"evidence_mean", cause.evidence_mean},
+              {"evidence_sd", cause.evidence_sd},
               {"size_mean", cause.size_mean},
               {"size_sd", cause.size_sd}};
 }
@@ -103,6 +104,7 @@ LevelPopulation level_from_json(JsonFields fields) {
 CauseOnGoodValves cause_from_json(JsonFields fields) {
   return {.cause = fields.text("cause"),
           .evidence_mean = fields.number("evidence_mean"),
+          .evidence_sd = fields.number_or("evidence_sd", 0),
           .size_mean = fields.number("size_mean"),
           .size_sd = fields.number("size_sd")};
 }

@@ -81,6 +81,42 @@ TEST(PopulationCovariance, WhatTheEstimatesErrByIsNoDifferenceBetweenValves) {
             0.4 * std::sqrt(6) * kError_psi);
 }
 
+/// Valves whose map is shifted here by so much and there by so much, alike over `length_a`.
+Eigen::MatrixXd bent_valves(int count, double length_a, std::mt19937_64& random) {
+  std::normal_distribution<double> normal;
+  Eigen::MatrixXd vectors = valves(count, random);
+  for (int i = 0; i < count; ++i) {
+    std::vector<double> sines, cosines;
+    for (int harmonic = 0; harmonic < 6; ++harmonic) {
+      sines.push_back(normal(random));
+      cosines.push_back(normal(random));
+    }
+    for (Eigen::Index k = 0; k < kKnots; ++k) {
+      const double at = knots()[static_cast<std::size_t>(k)] - 1.45;
+      double shift = 0;
+      for (std::size_t harmonic = 0; harmonic < 6; ++harmonic) {
+        const double angle = (0.5 + 0.4 * static_cast<double>(harmonic)) * at / length_a;
+        shift += 0.002 / std::sqrt(6) * (sines[harmonic] * std::sin(angle) + cosines[harmonic] * std::cos(angle));
+      }
+      vectors(kParameters + k, i) += 300 / std::pow(std::cosh(3 * at), 2) * shift;
+    }
+  }
+  return vectors;
+}
+
+TEST(PopulationCovariance, HowFarAMapBendsAlikeIsLearned) {
+  // A step of the map between two neighbours, a narrow dead band, is the stranger the longer good valves bend alike.
+  const auto strangeness_of_a_step = [](double length_a) {
+    std::mt19937_64 random(14);
+    const Eigen::MatrixXd covariance =
+        population_covariance(bent_valves(12, length_a, random), none(), kParameters, knots()).covariance;
+    Eigen::VectorXd step = Eigen::VectorXd::Zero(covariance.rows());
+    step.tail(kKnots / 2).setConstant(1.0);
+    return step.dot(covariance.llt().solve(step));
+  };
+  EXPECT_GT(strangeness_of_a_step(0.3), 2 * strangeness_of_a_step(0.06));
+}
+
 TEST(PopulationCovariance, ThreeValvesAreEnoughForAPositiveOne) {
   std::mt19937_64 random(12);
   const Eigen::LLT<Eigen::MatrixXd> factor(

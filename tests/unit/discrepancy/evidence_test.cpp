@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <numbers>
 #include <random>
 
 namespace valvetriage {
@@ -72,6 +73,32 @@ TEST(Evidence, WhereTheSamplesHardlyChangeThePriorSpeaksAloneHoweverLoudTheyAre)
   EXPECT_GT(consistent_evidence(before, after, 50, 1).value, 40);
 }
 
+TEST(Evidence, ASlowSignatureIsWorthLittleWhereWhatIsLeftIsAsSlow) {
+  // What is left swings once in 4,000 samples, as the signature does: blocks of 256 see one side of a swing each and
+  // take it for scatter that averages out.
+  Stack after = noise(0, 4), before = after;
+  for (Eigen::Index i = 0; i < after[0].size(); ++i) {
+    const double angle = 2 * std::numbers::pi * static_cast<double>(i) / 4000;
+    after[0](i) += (i < 4000 ? 2 : -2) * std::sin(angle);
+    before[0](i) = after[0](i) + 0.5 * std::sin(angle);
+  }
+  const double energy = 8000 * 0.5 * 0.5 / 2;
+  const double as_if_fast = consistent_evidence(before, after, energy, 1).value;
+  const double as_slow = consistent_evidence(before, after, energy, 1, 4000).value;
+  EXPECT_LT(as_slow, 0.2 * as_if_fast);
+  EXPECT_LT(as_slow, 1);
+}
+
+TEST(Evidence, ASlowSignatureInWhiteNoiseIsWorthItsEnergy) {
+  const Stack after = noise(0, 4);
+  Stack before = after;
+  for (Eigen::Index i = 0; i < after[0].size(); ++i) {
+    before[0](i) += 0.2 * std::sin(2 * std::numbers::pi * static_cast<double>(i) / 400);
+  }
+  const double energy = 8000 * 0.2 * 0.2 / 2;
+  EXPECT_NEAR(consistent_evidence(before, after, energy, 1, 400).value, energy, 0.4 * energy);
+}
+
 TEST(Evidence, AContrastInWhiteNoiseIsTheLikelihoodRatio) {
   const Stack truth = noise(0, 5);
   const Contrast better = contrast(truth, with_signature(truth, 0.5));
@@ -90,23 +117,35 @@ TEST(Evidence, AContrastThatOnePlaceMakesAndAnotherDeniesIsNone) {
 
 TEST(Evidence, NoiseAloneIsNoCause) {
   // χ² of one degree: a reduction of 3.84 has five per cent, were the spread of good valves known.
-  EXPECT_NEAR(good_valve_p_value(Evidence{3.84}, 1, 1, 0, 100000), 0.05, 0.001);
+  EXPECT_NEAR(good_valve_p_value(Evidence{3.84}, 1, 1, {.mean = 0, .valves = 100000}), 0.05, 0.001);
   // F of 1 and 8: eight valves that show nothing do not say that none ever does.
-  EXPECT_NEAR(good_valve_p_value(Evidence{5.32}, 1, 1, 0, 8), 0.05, 0.001);
+  EXPECT_NEAR(good_valve_p_value(Evidence{5.32}, 1, 1, {.mean = 0, .valves = 8}), 0.05, 0.001);
 }
 
 TEST(Evidence, WhatGoodValvesShowAsWellNeedsMoreOfIt) {
-  const double strict = good_valve_p_value(Evidence{60}, 1, 1, 0, 8);
-  const double with_spread = good_valve_p_value(Evidence{60}, 1, 1, 20, 8);
+  const double strict = good_valve_p_value(Evidence{60}, 1, 1, {.mean = 0, .valves = 8});
+  const double with_spread = good_valve_p_value(Evidence{60}, 1, 1, {.mean = 20, .valves = 8});
   EXPECT_LT(strict, 1e-4);
   EXPECT_GT(with_spread, 0.05);
   // The same mean over many valves is known better.
-  EXPECT_LT(good_valve_p_value(Evidence{600}, 1, 1, 20, 30), good_valve_p_value(Evidence{600}, 1, 1, 20, 3));
+  EXPECT_LT(good_valve_p_value(Evidence{600}, 1, 1, {.mean = 20, .valves = 30}),
+            good_valve_p_value(Evidence{600}, 1, 1, {.mean = 20, .valves = 3}));
+}
+
+TEST(Evidence, WhatEveryGoodValveShowsAlikeIsKnownBetter) {
+  const auto p_value = [](double sd) {
+    return good_valve_p_value(Evidence{600}, 1, 1, {.mean = 30, .sd = sd, .valves = 8});
+  };
+  // The square of a normal deviate scatters by √2 of its mean; so does an unknown one.
+  EXPECT_DOUBLE_EQ(p_value(std::sqrt(2.0) * 30), p_value(0));
+  EXPECT_LT(p_value(10), 0.01 * p_value(0));
+  // Half of such samples of eight scatter by less than they should.
+  EXPECT_DOUBLE_EQ(p_value(0.9 * std::sqrt(2.0) * 30), p_value(0));
 }
 
 TEST(Evidence, ASearchOverManyStartsIsPaidFor) {
-  EXPECT_GT(good_valve_p_value(Evidence{14}, 2, 14, 0, 8), 0.1);
-  EXPECT_LT(good_valve_p_value(Evidence{14}, 2, 2, 0, 8), 0.01);
+  EXPECT_GT(good_valve_p_value(Evidence{14}, 2, 14, {.mean = 0, .valves = 8}), 0.1);
+  EXPECT_LT(good_valve_p_value(Evidence{14}, 2, 2, {.mean = 0, .valves = 8}), 0.01);
 }
 
 TEST(Evidence, ASizeIsJudgedAgainstGoodValvesSpread) {

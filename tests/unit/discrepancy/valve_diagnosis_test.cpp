@@ -172,6 +172,54 @@ const Candidate& candidate(const Discrepancy& discrepancy, const std::string& ca
   return *std::find_if(list.begin(), list.end(), [&](const Candidate& c) { return c.cause == cause; });
 }
 
+TEST(ValveDiagnosis, ANarrowDeadBandIsFoundWhereverItsMiddleIs) {
+  const test::MadeValve valve;
+  const auto healthy = test::session(valve, kNoise_psi, 7);
+  Population population(healthy, valve);
+  // Maps that bend alike: a step between two neighbours is no good valve's.
+  auto& covariance = population.options.prior->covariance;
+  const Eigen::Index count = covariance.rows() - 8;
+  for (Eigen::Index i = 0; i < count; ++i) {
+    for (Eigen::Index j = 0; j < count; ++j) {
+      const double apart = 0.025 * static_cast<double>(i - j) / 0.2;
+      covariance(8 + i, 8 + j) = std::exp(-0.5 * apart * apart) + (i == j ? 1e-3 : 0);
+    }
+  }
+  for (const double middle_a : {1.37, 1.52, 1.736}) {
+    const auto spoiled =
+        with_cause(healthy, population.model(valve), {.cause = "dead_band", .parameters = {middle_a, 0.008}});
+    const Discrepancy found = diagnosed(spoiled, population).discrepancy;
+    ASSERT_EQ(found.causes.size(), 1u) << middle_a;
+    EXPECT_EQ(found.causes.front().cause, "dead_band") << middle_a;
+    EXPECT_NEAR(found.causes.front().parameters.front().second.value, middle_a, 0.01);
+  }
+}
+
+TEST(ValveDiagnosis, AChannelThatLowersTheReadingIsFoundAsOneThatRaisesIt) {
+  const test::MadeValve valve;
+  auto healthy = test::session(valve, kNoise_psi, 7);
+  for (std::size_t r = 0; r < healthy.size(); ++r) {
+    Channel supply{.name = "supply_psi", .unit = "psi", .values = {}};
+    for (std::size_t i = 0; i < healthy[r].samples(); ++i) {
+      const double turns = 0.005 * static_cast<double>(i) / 2.3 + 0.3 * static_cast<double>(r);
+      supply.values.push_back(450 + 4 * std::sin(2 * std::numbers::pi * turns));
+    }
+    healthy[r].side.push_back(std::move(supply));
+  }
+  for (const double coefficient : {0.03, -0.03}) {
+    auto spoiled = healthy;
+    for (Recording& recording : spoiled) {
+      for (std::size_t i = 0; i < recording.samples(); ++i) {
+        recording.output.values[i] += coefficient * (recording.side[0].values[i] - 450);
+      }
+    }
+    const Discrepancy found = diagnosed(spoiled, Population(healthy, valve)).discrepancy;
+    ASSERT_EQ(found.causes.size(), 1u) << coefficient;
+    EXPECT_EQ(found.causes.front().cause, "side_input") << coefficient;
+    EXPECT_NEAR(found.causes.front().parameters.front().second.value, coefficient, 0.01);
+  }
+}
+
 TEST(ValveDiagnosis, ASizeThatIsExcludedWouldHaveBeenFound) {
   const test::MadeValve valve;
   const auto healthy = test::session(valve, kNoise_psi, 3);

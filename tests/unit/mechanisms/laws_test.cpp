@@ -37,7 +37,7 @@ TEST(Laws, BeginInsideTheirBoundsAndWithAnEffect) {
     ASSERT_EQ(bounds.upper.size(), n);
     ASSERT_EQ(bounds.step.size(), n);
     EXPECT_GE(bounds.starts.size(), 1u);
-    EXPECT_LE(bounds.starts.size(), 6u);
+    EXPECT_LE(bounds.starts.size(), 48u);
     for (const auto& start : bounds.starts) {
       ASSERT_EQ(start.size(), n);
       for (std::size_t j = 0; j < n; ++j) {
