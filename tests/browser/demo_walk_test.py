@@ -165,6 +165,8 @@ class DemoWalk(unittest.TestCase):
         self.assertIn("Friction", text)
         self.assertIn("breakaway_A", text)
         self.picture("walk-valve")
+        if PICTURES:
+            page_picture.main(CHROMIUM, self.browser.run("location.href") + "?from=1&to=7", PICTURES / "page.png")
 
     def test_a_verdict_shows_its_memberships_and_the_rules_that_fired(self):
         # The large one of the two that stick.
@@ -182,8 +184,6 @@ class DemoWalk(unittest.TestCase):
         self.assertEqual(levels, ["1.2 A", "1.4 A (low)", "1.6 A (high)", "1.8 A", "2.0 A"])
         self.assertRegex(self.browser.text(), r"error is severe -> Severe – strength (0\.\d+|1\.0)")
         self.picture("walk-verdict")
-        if PICTURES:
-            page_picture.main(CHROMIUM, self.browser.run("location.href") + "?from=1&to=7", PICTURES / "page.png")
 
     def test_the_lot_leads_to_its_valves_and_tells_what_they_share(self):
         self.open(f"/lot/{LOT}", "What all valves share")
