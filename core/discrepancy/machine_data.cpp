@@ -32,14 +32,25 @@ struct Moments {
   }
 };
 
+/// Samples of a segment at which the input has just moved and moves on: a quick change between held levels does not.
+std::size_t moving_on(const Recording& recording, const Segment& segment) {
+  const auto& u = recording.input.values;
+  std::size_t moving = 0;
+  for (std::size_t t = std::max<std::size_t>(segment.begin, 1); t + 1 < std::min(segment.end, u.size()); ++t) {
+    moving += u[t] != u[t - 1] && u[t + 1] != u[t] ? 1 : 0;
+  }
+  return moving;
+}
+
 /// Whether some of the input is held after steps and some moves on between samples.
 bool holds_and_moves(std::span<const Recording> recordings) {
   std::size_t steps = 0, moving = 0;
   for (const Recording& recording : recordings) {
     for (const Segment& segment : recording.segments) {
       if (segment.kind == SegmentKind::kStep) ++steps;
-      if (segment.kind == SegmentKind::kRamp || segment.kind == SegmentKind::kSweep)
-        moving += segment.end - segment.begin;
+      if (segment.kind == SegmentKind::kRamp || segment.kind == SegmentKind::kSweep) {
+        moving += moving_on(recording, segment);
+      }
     }
   }
   return steps > 0 && moving > 0;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "core/recording/prepare.h"
 #include "core/residual/fit_figures.h"
 #include "tests/unit/discrepancy/machines.h"
 
@@ -103,6 +104,18 @@ TEST(Machine, AnIntegratorInNoiseHasNothingWrong) {
   std::vector<double> y(u.size());
   for (std::size_t t = 1; t < y.size(); ++t) y[t] = y[t - 1] + kPeriod_s * u[t - 1];
   expect_nothing(diagnosis_of(recording(u, y, kPeriod_s, 0.01, 6)).discrepancy);
+}
+
+TEST(Machine, ACommandOfTwoLevelsIsHeldHoweverShortItsPulses) {
+  const auto u = two_levels(1000, 5, 37);
+  Recording measured = recording(u, lag(Oscillator{}.run(u, kPeriod_s), 0.2, kPeriod_s), kPeriod_s, kNoise, 38);
+  RawRecording raw;
+  raw.time.values = measured.time_s;
+  raw.input = measured.input;
+  raw.output = measured.output;
+  const auto prepared = prepare_recording(std::move(raw), ColumnMapping{.time = "t", .input = "u", .output = "y"});
+  ASSERT_TRUE(prepared.has_value()) << prepared.error().message;
+  EXPECT_FALSE(machine_data(std::span(&*prepared, 1), kNoise, 5000).interval_means);
 }
 
 TEST(Machine, AHardeningSpringIsFound) {
