@@ -16,6 +16,7 @@ using Eigen::VectorXd;
 constexpr std::size_t kMostRows = 1500;
 constexpr int kAlternations = 25;
 constexpr std::size_t kKept = 4;
+constexpr std::size_t kParents = 8;
 
 /// Linear machines whose magnitude might be the reading: poles given, numerator by alternating between the signs and
 /// least squares (a phase retrieval).
@@ -25,14 +26,20 @@ struct Guess {
   double squares = 0;
 };
 
-std::vector<std::vector<std::complex<double>>> pole_sets(double period_s, double longest_s) {
-  std::vector<std::vector<std::complex<double>>> sets;
+/// Rates [1/s] from a few per record to nearly one per sample.
+std::vector<double> rates_of(double period_s, double longest_s) {
   const double slowest = 3 / longest_s, fastest = 0.8 / period_s;
   constexpr int kRates = 10;
   std::vector<double> rates;
   for (int i = 0; i < kRates; ++i) {
     rates.push_back(slowest * std::pow(fastest / slowest, (i + 0.5) / kRates));
   }
+  return rates;
+}
+
+std::vector<std::vector<std::complex<double>>> pole_sets(double period_s, double longest_s) {
+  std::vector<std::vector<std::complex<double>>> sets;
+  const std::vector<double> rates = rates_of(period_s, longest_s);
   for (const double rate : rates) {
     const double p = std::exp(-rate * period_s);
     sets.push_back({p});
@@ -109,6 +116,42 @@ MachineFit as_fit(const Guess& guess, const MachineBlock& linear, double zero, d
   return fit;
 }
 
+MachineBlock block_of_poles(const std::vector<std::complex<double>>& poles) {
+  MachineBlock block;
+  block.sections = sections_from_poles(poles, SectionLimits(1'000'000'000));
+  block.delay_samples = 0;
+  block.numerator.assign(poles.size() + 1, 0.0);
+  return block;
+}
+
+using Guesses = std::vector<std::pair<Guess, MachineBlock>>;
+
+void sort_by_squares(Guesses& guesses) {
+  std::stable_sort(guesses.begin(), guesses.end(),
+                   [](const auto& a, const auto& b) { return a.first.squares < b.first.squares; });
+}
+
+/// The best guesses with one more lag each, from the signs that they ended with: a motor in front of what it turns.
+Guesses with_a_lag(const MachineData& data, const Rows& rows, const VectorXd& magnitude, double longest_s,
+                   const Guesses& guesses) {
+  Guesses longer;
+  std::vector<double> seen;  // squares of the parents: equal ones are the same guess, reached from other signs
+  for (const auto& [guess, block] : guesses) {
+    if (seen.size() == kParents) break;
+    if (!seen.empty() && guess.squares <= seen.back() * (1 + 1e-9)) continue;
+    seen.push_back(guess.squares);
+    const VectorXd signs =
+        (basis_at(data, rows, block) * guess.numerator).unaryExpr([](double x) { return x < 0 ? -1.0 : 1.0; });
+    for (const double rate : rates_of(data.period_s, longest_s)) {
+      auto poles = poles_of(block.sections);
+      poles.emplace_back(std::exp(-rate * data.period_s));
+      const MachineBlock next = block_of_poles(poles);
+      longer.emplace_back(retrieve(basis_at(data, rows, next), magnitude, signs), next);
+    }
+  }
+  return longer;
+}
+
 /// Whether the readings stay on one side of zero and come close to it: what a magnitude does.
 bool looks_folded(const MachineGround& g) {
   const double above = g.output_low - g.output_zero;
@@ -125,12 +168,9 @@ MachineTrial magnitude_trial(const MachineData& data, const MachineGround& g) {
   for (std::size_t i = 0; i < rows.at.size(); ++i) {
     magnitude[static_cast<Index>(i)] = data.records[rows.at[i].first].output[rows.at[i].second] - g.output_zero;
   }
-  std::vector<std::pair<Guess, MachineBlock>> guesses;
+  Guesses guesses;
   for (const auto& poles : pole_sets(data.period_s, g.longest_s)) {
-    MachineBlock block;
-    block.sections = sections_from_poles(poles, SectionLimits(1'000'000'000));
-    block.delay_samples = 0;
-    block.numerator.assign(poles.size() + 1, 0.0);
+    const MachineBlock block = block_of_poles(poles);
     const MatrixXd basis = basis_at(data, rows, block);
     for (Index column = 0; column < std::min<Index>(basis.cols() - 1, 2); ++column) {
       // Signs of the state itself, about its mean and about the input's zero.
@@ -140,10 +180,13 @@ MachineTrial magnitude_trial(const MachineData& data, const MachineGround& g) {
       }
     }
   }
-  std::sort(guesses.begin(), guesses.end(),
-            [](const auto& a, const auto& b) { return a.first.squares < b.first.squares; });
-  for (std::size_t i = 0; i < std::min(kKept, guesses.size()); ++i) {
-    trial.starts.push_back(as_fit(guesses[i].first, guesses[i].second, g.output_zero, data.period_s));
+  sort_by_squares(guesses);
+  Guesses longer = with_a_lag(data, rows, magnitude, g.longest_s, guesses);
+  sort_by_squares(longer);
+  for (const Guesses* kind : {&guesses, &longer}) {
+    for (std::size_t i = 0; i < std::min(kKept, kind->size()); ++i) {
+      trial.starts.push_back(as_fit((*kind)[i].first, (*kind)[i].second, g.output_zero, data.period_s));
+    }
   }
   return trial;
 }

@@ -145,6 +145,14 @@ TEST(Machine, AReadingThatOnlyKnowsMagnitudesIsARectifiedSensor) {
   expect_found(diagnosis, "rectified_sensor");
 }
 
+TEST(Machine, MagnitudesOfAnOscillatorBehindALagAreExplainedDownToTheNoise) {
+  const auto u = two_levels(1000, 5, 39);
+  const auto y = each(lag(Oscillator{}.run(u, kPeriod_s), 0.25, kPeriod_s), [](double x) { return std::abs(x); });
+  const auto diagnosis = diagnosis_of(recording(u, y, kPeriod_s, kNoise, 40));
+  expect_found(diagnosis, "rectified_sensor");
+  EXPECT_LT(diagnosis.discrepancy.gain.rmse_extended, 1.2 * kNoise);
+}
+
 TEST(Machine, LostMotionInFrontOfALagIsFoundWithItsWidth) {
   const auto u = random_command(kSamples, 20, 15);
   const auto diagnosis = diagnosis_of(recording(u, lag(play(u, 0.6), 0.1, kPeriod_s), kPeriod_s, kNoise, 16));
