@@ -100,16 +100,33 @@ bool pays(const MachineScore& pair, const MachineScore& single, double floor) {
   return removed > kRemovedBySecond * left && (most_blocks || wins_where_it_acts(pair, single));
 }
 
-/// The best explanation: a single cause, or a pair where that pays.
-const MachineScore* best_of(const MachineSearch& search, const MachineData& data, double floor) {
-  const MachineScore* single = nullptr;
-  const MachineScore* pair = nullptr;
+/// What a law must have over the linear machine, and how sure of it one must be.
+struct Margin {
+  double gain = kOverLinear;
+  double significant = kSignificant;
+};
+
+/// Whether a law beats the linear machine by its margin: in the held-out error, consistently over the blocks, and where
+/// slow wander counts once.
+bool beats_linear(const MachineScore& score, const MachineScore& linear, const Margin& margin) {
+  if (!(score.mean < linear.mean - std::log(margin.gain))) return false;
+  if (!(compare_blocks(score.log_rms, linear.log_rms).p_value < margin.significant)) return false;
+  const BlockComparison whitened = compare_whitened(score, linear);
+  return whitened.log_gain > std::log(kOverLinearWhitened) && whitened.p_value < margin.significant;
+}
+
+/// The best explanation: a single cause, or a pair where that pays. One that does not beat the linear machine is no
+/// rung to measure the next one against; it is returned only where nothing else is left.
+const MachineScore* best_of(const MachineSearch& search, const MachineData& data, double floor, const Margin& margin) {
+  const MachineScore *single = nullptr, *pair = nullptr, *any = nullptr;
   for (const MachineScore& score : search.scores) {
     if (!score.held_out || is_degenerate(score) || !has_effect(score, data, search.ground)) continue;
+    if (!any || score.mean < any->mean) any = &score;
+    if (!beats_linear(score, search.linear, margin)) continue;
     const MachineScore*& best = score.causes.size() > 1 ? pair : single;
     if (!best || score.mean < best->mean) best = &score;
   }
-  if (!pair || !single) return pair ? pair : single;
+  if (!pair || !single) return pair ? pair : (single ? single : any);
   return pays(*pair, *single, floor) ? pair : single;
 }
 
@@ -244,17 +261,15 @@ void decline(MachineVerdict& verdict, bool structure) {
 
 MachineVerdict conclude(const MachineSearch& search, const MachineData& data, double noise_rms, bool feedback) {
   MachineVerdict verdict;
-  const MachineScore* best = best_of(search, data, noise_rms);
-  const double needed = feedback ? kOverLinearOfFeedback : kOverLinear;
   const double linear = search.linear.rms();
   const bool above_floor = linear > kAboveFloors * noise_rms;
-  bool supported = best && best->mean < search.linear.mean - std::log(needed) && above_floor;
-  if (best) {
-    const BlockComparison whitened = compare_whitened(*best, search.linear);
-    verdict.p_value = compare_blocks(best->log_rms, search.linear.log_rms).p_value;
-    supported = supported && verdict.p_value < kSignificant && whitened.log_gain > std::log(kOverLinearWhitened) &&
-                whitened.p_value < kSignificant;
-  }
+  // A law that gains its margin leaves the linear machine that far above the noise; where it is no farther, chance must
+  // be ruled out more clearly.
+  const Margin margin{.gain = feedback ? kOverLinearOfFeedback : kOverLinear,
+                      .significant = above_floor ? kSignificant : kConfident};
+  const MachineScore* best = best_of(search, data, noise_rms, margin);
+  bool supported = best && beats_linear(*best, search.linear, margin);
+  if (best) verdict.p_value = compare_blocks(best->log_rms, search.linear.log_rms).p_value;
   const double explained = supported ? best->rms() : linear;
   const double excess = std::max(linear * linear - noise_rms * noise_rms, 1e-18);
   const double closed = (linear * linear - explained * explained) / excess;

@@ -95,6 +95,21 @@ bool is_reached(const MachineData& data, const MachineFit& fit, std::size_t limi
   return beyond >= 3 && static_cast<double>(beyond) >= kLeastShare * static_cast<double>(samples);
 }
 
+/// Whether the lower tank of a chain stands at its rim, often enough to be seen.
+bool reaches_rim(const MachineData& data, const MachineFit& fit, std::size_t tanks) {
+  const double rim = fit.machine.blocks[tanks].parameters[8];
+  std::size_t full = 0;
+  for (std::size_t r = 0; r < data.records.size(); ++r) {
+    Machine chain = fit.machine;
+    chain.blocks.resize(tanks + 1);
+    const MachineRecord& record = data.records[r];
+    const auto level =
+        run_machine(chain, {.start_s = record.start_s, .side = record.side}, fit.starts[r], record.input);
+    for (const std::size_t t : record.valid) full += level[t] >= rim - 1e-9 * std::abs(rim) ? 1 : 0;
+  }
+  return full >= 3;
+}
+
 /// Full width at mid range of the major loop that the restoring force runs through, as an input [scaled units]: the
 /// law's own equation along the output's range up and down.
 double loop_width(const MachineBlock& block, double output_range) {
@@ -257,6 +272,9 @@ bool has_effect(const MachineScore& score, const MachineData& data, const Machin
       case MachineLaw::kLowerLimit:
         limits = true;
         active = active || is_reached(data, score.fit, b);
+        break;
+      case MachineLaw::kTanks:
+        if (score.causes.size() > 1 && !reaches_rim(data, score.fit, b)) return false;
         break;
       case MachineLaw::kCurve:
         if (std::abs(p[0]) < 0.02) return false;

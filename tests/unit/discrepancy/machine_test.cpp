@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "core/discrepancy/machine_conclusion.h"
 #include "core/recording/prepare.h"
 #include "core/residual/fit_figures.h"
 #include "tests/unit/discrepancy/machines.h"
@@ -200,6 +201,48 @@ TEST(Machine, ARegulatedLoopIsNotGivenAName) {
   }
   const auto d = diagnosis_of(recording(u, y, kPeriod_s, 1e-4, 22)).discrepancy;
   EXPECT_NE(d.conclusion, Conclusion::kNamed);
+}
+
+/// An explanation with white residuals of these sizes on twelve held-out blocks.
+MachineScore scored(std::vector<std::string> causes, const std::vector<double>& sizes, std::uint64_t seed) {
+  MachineScore score{.causes = std::move(causes)};
+  Noise noise(seed);
+  for (const double size : sizes) {
+    std::vector<double> gap(60);
+    for (double& e : gap) e = size * noise.normal();
+    score.gaps.push_back(std::move(gap));
+    score.log_rms.push_back(std::log(size));
+    score.mean += std::log(size) / static_cast<double>(sizes.size());
+  }
+  score.fit.squares = std::exp(2 * score.mean);
+  score.fit.rows = 1;
+  score.held_out = true;
+  return score;
+}
+
+MachineSearch searched(const std::vector<MachineScore>& scores) {
+  MachineSearch search;
+  search.linear = scored({}, std::vector<double>(12, 1.0), 51);
+  search.scores = scores;
+  search.black_box_log_rms.assign(12, 0.0);
+  search.black_box_rms = 1;
+  return search;
+}
+
+TEST(MachineConclusion, APairIsNotMeasuredAgainstASingleThatDoesNotBeatTheLinearMachine) {
+  // The single is far closer on half of the blocks, farther on the others: no law, yet close on the mean.
+  std::vector<double> uneven;
+  for (int i = 0; i < 12; ++i) uneven.push_back(i % 2 == 0 ? 0.2 : 1.3);
+  const auto search = searched(
+      {scored({"orifice_flow", "saturation"}, std::vector<double>(12, 0.48), 53), scored({"hysteresis"}, uneven, 52)});
+  const MachineVerdict verdict = conclude(search, MachineData{}, 0.3, false);
+  ASSERT_NE(verdict.winner, nullptr);
+  EXPECT_EQ(verdict.winner->name(), "orifice_flow+saturation");
+}
+
+TEST(MachineConclusion, ALawThatReachesTheNoiseIsNamedThoughTheLinearMachineIsNotFarAboveIt) {
+  const auto search = searched({scored({"friction"}, std::vector<double>(12, 0.7), 54)});
+  EXPECT_EQ(conclude(search, MachineData{}, 0.7, false).conclusion, Conclusion::kNamed);
 }
 
 TEST(Machine, EqualRecordingsGiveEqualAnswers) {
