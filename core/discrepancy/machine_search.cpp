@@ -26,7 +26,11 @@ constexpr std::size_t kKeptStarts = 2;  // of each explanation, after screening
 constexpr std::size_t kPairBases = 2;
 constexpr double kPairBaseGain = 1.08;    // a single that gains less is no base for a pair
 constexpr double kPairScreenGain = 0.97;  // a pair that fits no better than its base is not held out
-constexpr double kRounding = 1e-9;        // of the output's deviation: what an exact model leaves
+constexpr int kDelayTries = 6;
+constexpr double kWorthADelay = 1e-3;    // of the squared error
+constexpr double kWorthAnOrder = 0.005;  // of the held-out error
+constexpr double kOffset = 1e9;          // an integrating machine stands still at an input of its own, times a long lag
+constexpr double kRounding = 1e-9;       // of the output's deviation: what an exact model leaves
 
 /// The linear machine of given sections; numerator and offset are linear and found at once.
 LinearMachine linear_machine(std::vector<Section> sections, int dead_samples, double gain, const MachineData& data) {
@@ -42,7 +46,7 @@ LinearMachine linear_machine(std::vector<Section> sections, int dead_samples, do
   offset.parameters = {1, 0};
   machine.fit.machine = {.sample_period_s = data.period_s, .interval_means = false, .blocks = {block, offset}};
   machine.fit.free = free_dynamics(block, 0);
-  machine.fit.free.push_back({1, MachineField::kParameter, 1, false, -1e3, 1e3});
+  machine.fit.free.push_back({1, MachineField::kParameter, 1, false, -kOffset, kOffset});
   return machine;
 }
 
@@ -118,14 +122,48 @@ void sort_by_score(std::vector<MachineScore>& scores) {
   });
 }
 
+/// The block that holds a fit's delay.
+MachineBlock* delayed_block(MachineFit& fit) {
+  for (MachineBlock& block : fit.machine.blocks) {
+    if (!block.sections.empty() || block.law == MachineLaw::kMotion || block.law == MachineLaw::kTanks) return &block;
+  }
+  return nullptr;
+}
+
+/// A law's own delay. The linear machine's was found without the law, and what a law holds back looks like a delay.
+void settle_delay(const MachineData& data, int least, MachineFit& fit, MachineBudget& budget) {
+  const MachineBlock* own = delayed_block(fit);
+  if (!own) return;
+  const auto try_delay = [&](int delay) {
+    MachineFit trial = fit;
+    delayed_block(trial)->delay_samples = delay;
+    refine_machine(data, data.all_rows(), kMiddleIterations, trial, budget);
+    if (trial.failed || !(trial.squares < fit.squares * (1 - kWorthADelay))) return false;
+    fit = std::move(trial);
+    return true;
+  };
+  const int first = own->delay_samples;
+  for (const int far : {least, (least + first) / 2}) {
+    if (first - far > 1) try_delay(far);
+  }
+  for (const int step : {-1, 1}) {
+    int tries = 0;
+    while (tries++ < kDelayTries && delayed_block(fit)->delay_samples + step >= least &&
+           try_delay(delayed_block(fit)->delay_samples + step)) {
+    }
+  }
+}
+
 /// The best place of each cause goes first; finalists are refined to the end and held out.
-void judge_finalists(const MachineData& data, std::vector<MachineScore>& scores, MachineBudget& budget) {
+void judge_finalists(const MachineData& data, int least_delay, std::vector<MachineScore>& scores,
+                     MachineBudget& budget) {
   std::stable_sort(scores.begin(), scores.end(),
                    [](const auto& a, const auto& b) { return a.fit.rms() < b.fit.rms(); });
   std::size_t judged = 0;
   for (MachineScore& score : scores) {
     if (judged == kFinalists || score.fit.failed || budget.spent()) break;
     refine_machine(data, data.all_rows(), kFinalIterations, score.fit, budget);
+    settle_delay(data, least_delay, score.fit, budget);
     hold_out(data, score, budget);
     ++judged;
   }
@@ -145,6 +183,7 @@ std::vector<MachineScore> pairs(const MachineData& data, const MachineGround& gr
   for (const MachineScore& base : singles) {
     if (bases == kPairBases || !base.held_out) break;
     if (base.mean > linear.mean - std::log(kPairBaseGain)) break;
+    if (base.causes.size() > 1) continue;  // a third cause never paid (LESSONS on holding out)
     ++bases;
     for (const SignalLaw& law : signal_laws(ground)) {
       if (same_family(base, law.cause)) continue;
@@ -164,33 +203,79 @@ std::vector<MachineScore> pairs(const MachineData& data, const MachineGround& gr
   return found;
 }
 
-/// Numerator of a linear machine by least squares on its first record, given its poles; what the unknown start leaves
-/// behind decays with the same poles and takes no part in it.
-bool solve_numerator(const MachineData& data, LinearMachine& machine) {
-  MachineBlock& block = machine.fit.machine.blocks[0];
-  const MachineRecord& record = data.records.front();
-  const Eigen::MatrixXd basis = linear_basis(block, {}, record.input);
-  const auto poles = poles_of(block.sections);
-  const auto terms = basis.cols(), decays = static_cast<Eigen::Index>(poles.size());
-  const std::size_t step = std::max<std::size_t>(1, record.valid.size() / kOrderRows);
-  const auto rows = static_cast<Eigen::Index>((record.valid.size() + step - 1) / step);
-  Eigen::MatrixXd columns(rows, terms + decays + 1);
-  Eigen::VectorXd right(rows);
-  for (Eigen::Index i = 0; i < rows; ++i) {
-    const std::size_t t = record.valid[static_cast<std::size_t>(i) * step];
-    columns.row(i).head(terms) = basis.row(static_cast<Eigen::Index>(t));
-    for (Eigen::Index k = 0; k < decays; ++k) {
-      const auto decay = std::pow(poles[static_cast<std::size_t>(k)], static_cast<double>(t));
-      columns(i, terms + k) = decay.imag() >= 0 ? decay.real() : decay.imag();
-    }
-    columns(i, terms + decays) = 1;
-    right[i] = record.output[t];
+/// Whether a higher order is closer on what was held out, also where slow wander counts once and not once per sample:
+/// a slow mode that only its own start drives follows drift, gain steps and wander through the gaps of a record.
+bool earns_its_order(const MachineScore& higher, const MachineScore& lower) {
+  return higher.mean < lower.mean - kWorthAnOrder && compare_whitened(higher, lower).log_gain > kWorthAnOrder;
+}
+
+/// What the states leave behind on their own: the last section's level after each of them is moved by one, n × order.
+Eigen::MatrixXd free_responses(const MachineBlock& block, std::span<const double> input, const Eigen::MatrixXd& still,
+                               const Eigen::VectorXd& weights) {
+  const int states = order_of(block.sections);
+  Eigen::MatrixXd responses(still.rows(), states);
+  for (int j = 0; j < states; ++j) {
+    std::vector<double> start(static_cast<std::size_t>(states));
+    start[static_cast<std::size_t>(j)] = 1;
+    responses.col(j) = (linear_basis(block, start, input) - still) * weights;
   }
+  return responses;
+}
+
+Eigen::VectorXd least_squares(const Eigen::MatrixXd& columns, const Eigen::VectorXd& right) {
   const Eigen::VectorXd scale = columns.colwise().norm().cwiseMax(1e-300).cwiseInverse();
-  const Eigen::VectorXd solved =
-      scale.cwiseProduct((columns * scale.asDiagonal()).completeOrthogonalDecomposition().solve(right));
+  return scale.cwiseProduct((columns * scale.asDiagonal()).completeOrthogonalDecomposition().solve(right));
+}
+
+/// Numerator, offset and starts of a linear machine by least squares, given its poles: for those they are linear. An
+/// iteration that had to find them beside an integrating pole would be lost in a long flat valley.
+bool solve_linear(const MachineData& data, LinearMachine& machine) {
+  MachineBlock& block = machine.fit.machine.blocks[0];
+  const auto terms = static_cast<Eigen::Index>(block.numerator.size());
+  const auto states = static_cast<Eigen::Index>(order_of(block.sections));
+  const auto records = static_cast<Eigen::Index>(data.records.size());
+  const Eigen::VectorXd last = Eigen::VectorXd::Unit(terms, 0);
+  std::vector<Eigen::MatrixXd> bases;
+  std::vector<std::pair<std::size_t, std::size_t>> rows;
+  for (std::size_t r = 0; r < data.records.size(); ++r) {
+    const MachineRecord& record = data.records[r];
+    bases.push_back(linear_basis(block, {}, record.input));
+    const std::size_t step = std::max<std::size_t>(1, data.samples() / kOrderRows);
+    for (std::size_t i = 0; i < record.valid.size(); i += step) rows.emplace_back(r, record.valid[i]);
+  }
+  // The levels of a slow section hardly leave the first input: of one record, what they start from is an offset.
+  Eigen::VectorXd rest = Eigen::VectorXd::Zero(terms);
+  if (records == 1) rest = bases.front().row(0);
+  Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(rows.size()), terms + 1 + states * records);
+  Eigen::VectorXd right(columns.rows());
+  std::vector<Eigen::MatrixXd> free;
+  for (std::size_t r = 0; r < data.records.size(); ++r) {
+    free.push_back(free_responses(block, data.records[r].input, bases[r], last));
+  }
+  for (Eigen::Index i = 0; i < columns.rows(); ++i) {
+    const auto [r, t] = rows[static_cast<std::size_t>(i)];
+    const auto at = static_cast<Eigen::Index>(t);
+    columns.row(i).head(terms) = bases[r].row(at) - rest.transpose();
+    columns(i, terms) = 1;
+    columns.row(i).segment(terms + 1 + states * static_cast<Eigen::Index>(r), states) = free[r].row(at);
+    right[i] = data.records[r].output[t];
+  }
+  const Eigen::VectorXd solved = least_squares(columns, right);
   if (!solved.allFinite()) return false;
-  block.numerator.assign(solved.begin(), solved.begin() + terms);
+  const Eigen::VectorXd numerator = solved.head(terms);
+  const double offset = solved[terms] - numerator.dot(rest);
+  block.numerator.assign(numerator.begin(), numerator.end());
+  machine.fit.machine.blocks[1].parameters[1] = offset;
+  machine.fit.starts.clear();
+  for (std::size_t r = 0; r < data.records.size(); ++r) {
+    const MachineRecord& record = data.records[r];
+    const Eigen::MatrixXd moved = free_responses(block, record.input, bases[r], numerator);
+    const Eigen::VectorXd gap = Eigen::Map<const Eigen::VectorXd>(record.output.data(), bases[r].rows()) -
+                                bases[r] * numerator - Eigen::VectorXd::Constant(bases[r].rows(), offset);
+    const std::vector<Eigen::Index> valid(record.valid.begin(), record.valid.end());
+    const Eigen::VectorXd start = least_squares(moved(valid, Eigen::all), gap(valid));
+    machine.fit.starts.emplace_back(start.begin(), start.end());
+  }
   return true;
 }
 
@@ -207,7 +292,7 @@ void try_integrating(const MachineData& data, MachineGround& ground, LinearMachi
     std::vector<Section> sections{{.order = 1, .f = data.period_s / (10 * ground.longest_s)}};
     if (machine.order == 2) sections.push_back({.order = 1, .f = rate});
     LinearMachine start = linear_machine(std::move(sections), ground.dead_samples, 1, data);
-    if (!solve_numerator(data, start)) continue;
+    if (!solve_linear(data, start)) continue;
     refine_machine(data, data.all_rows(), kMiddleIterations, start.fit, budget);
     if (!start.fit.failed && start.fit.rms() < machine.fit.rms()) machine.fit = std::move(start.fit);
     if (machine.order == 1) break;
@@ -309,7 +394,7 @@ MachineScore search_linear(const MachineData& data, MachineGround& ground, Machi
   options.largest_order = kLargestOrder;
   options.max_rows = kOrderRows;
   const auto choice = ground.one_rate ? Result<OrderChoice>(fail("one_rate", "")) : choose_order(pointers, options);
-  if (choice) ground.dead_samples = dead_time_samples(choice->structure);
+  if (choice) ground.dead_samples = std::max(ground.least_delay, dead_time_samples(choice->structure));
   if (!choice) {
     ground.linear.push_back(linear_machine(0, {}, 0, 1, data));
   }
@@ -326,11 +411,12 @@ MachineScore search_linear(const MachineData& data, MachineGround& ground, Machi
   if (ground.linear.empty()) ground.linear.push_back(linear_machine(0, {}, 0, 1, data));
   MachineScore best;
   for (LinearMachine& machine : ground.linear) {
+    if (choice) solve_linear(data, machine);
     refine_machine(data, data.all_rows(), kMiddleIterations, machine.fit, budget);
     if (choice) try_integrating(data, ground, machine, budget);
     MachineScore score{.fit = machine.fit};
     hold_out(data, score, budget);
-    if (best.held_out && score.mean > best.mean - 0.005) continue;
+    if (best.held_out && !earns_its_order(score, best)) continue;
     best = std::move(score);
     ground.chosen_order = machine.order;
   }
@@ -346,7 +432,7 @@ MachineSearch search_machines(const MachineData& data, MachineGround ground, Mac
     MachineScore score = screen(data, trial, budget);
     if (!score.fit.failed) search.scores.push_back(std::move(score));
   }
-  judge_finalists(data, search.scores, budget);
+  judge_finalists(data, ground.least_delay, search.scores, budget);
   search.ground = std::move(ground);
   revise_linear(data, search, budget);
   auto found = pairs(data, search.ground, search.linear, search.scores, budget);

@@ -20,6 +20,7 @@ struct MachineGround {
   std::vector<LinearMachine> linear;  ///< ascending in order
   int chosen_order = 1;               ///< of the linear machine with the lowest held-out error
   int dead_samples = 0;
+  int least_delay = 0;  ///< [samples] that a machine needs: one where a controller sets the input by the output
   double input_low = 0, input_high = 0, output_low = 0, output_high = 0;
   double input_zero = 0, output_zero = 0;  ///< zero of the recordings' own units
   double steepest_input_per_s = 0;

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
+#include <optional>
 
 #include "core/discrepancy/machine_trials.h"
 
@@ -229,6 +230,35 @@ std::vector<MachineFit> springs_by_equation(const MachineData& data, const Machi
   return starts;
 }
 
+/// An equation of motion knows nothing of the linear machine's delay, which may be what the law holds back.
+void add_with_delays(const MachineGround& g, MachineFit fit, std::vector<MachineFit>& starts) {
+  starts.push_back(fit);
+  if (g.dead_samples == g.least_delay) return;
+  fit.machine.blocks[0].delay_samples = g.least_delay;
+  starts.push_back(std::move(fit));
+}
+
+struct Emptying {
+  double lag_s = 0;  ///< of one tank
+  double gain = 0;   ///< level over input, at rest
+};
+
+/// How slowly each of so many equal tanks empties and how high it stands, by the linear machines. A mode slower than
+/// half the record is the machine's wander and no tank; then the lag of a machine with one state is shared out. Empty
+/// for a tank that empties within samples, or fills when told to empty.
+std::optional<Emptying> emptying_of(const MachineGround& g, int tanks) {
+  const double period = g.linear.front().fit.machine.sample_period_s;
+  for (int order = tanks; order > 0; --order) {
+    const MachineBlock& block = g.of_order(order).fit.machine.blocks[0];
+    double slowest = 0;
+    for (const auto& pole : poles_of(block.sections)) slowest = std::max(slowest, std::abs(pole));
+    const double lag_s = -period / std::log(std::min(slowest, 1 - 1e-12));
+    const double gain = gain_at_rest(block);
+    if (slowest > 0.3 && gain > 0 && lag_s < 0.5 * g.longest_s) return Emptying{lag_s / tanks, gain};
+  }
+  return {};
+}
+
 }  // namespace
 
 std::vector<MachineTrial> sandwich_trials(const MachineGround& g) {
@@ -265,8 +295,8 @@ std::vector<MachineTrial> motion_trials(const MachineData& data, const MachineGr
       friction.starts.push_back(friction_beside(g, linear, share, linear.order == 1));
     }
   }
-  for (MachineFit& fit : springs_by_equation(data, g)) stiffening.starts.push_back(std::move(fit));
-  for (MachineFit& fit : frictions_by_equation(data, g)) friction.starts.push_back(std::move(fit));
+  for (MachineFit& fit : springs_by_equation(data, g)) add_with_delays(g, std::move(fit), stiffening.starts);
+  for (MachineFit& fit : frictions_by_equation(data, g)) add_with_delays(g, std::move(fit), friction.starts);
   return {stiffening, loop, friction};
 }
 
@@ -274,17 +304,15 @@ std::vector<MachineTrial> tank_trials(const MachineData& data, const MachineGrou
   const double period = data.period_s;
   MachineTrial plain{{"orifice_flow"}, "in the outflow", {}};
   MachineTrial spilling{{"orifice_flow", "saturation"}, "in the outflow, with a rim", {}};
-  const auto poles = poles_of(g.of_order(2).fit.machine.blocks[0].sections);
-  const double slowest = std::min(0.9999, std::max(std::abs(poles.front()), std::abs(poles.back())));
-  const double gain = gain_at_rest(g.of_order(2).fit.machine.blocks[0]);
-  if (!(slowest > 0.3) || !(gain > 0)) return {};  // a tank that empties within samples, or fills when told to empty
-  const double lag_s = -period / std::log(slowest);
   constexpr double kNoRim = 1e6;
   for (const double tanks : {1.0, 2.0}) {
+    const auto emptying = emptying_of(g, tanks > 1 ? 2 : 1);
+    if (!emptying) continue;
+    const auto [lag_s, gain] = *emptying;
     for (const double depth : {0.05, 0.2, 0.6}) {
       const double zero = g.output_low - depth * g.output_range();
       const double mean_level = -zero;  // outputs are about their mean
-      const double outflow = 2 * std::sqrt(mean_level) / (lag_s / (tanks > 1 ? 2 : 1));
+      const double outflow = 2 * std::sqrt(mean_level) / lag_s;
       const double inflow = outflow * std::sqrt(mean_level);
       const double slope = gain * outflow / (2 * std::sqrt(mean_level));
       const double closed = -inflow / slope;

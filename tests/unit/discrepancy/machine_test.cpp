@@ -107,6 +107,33 @@ TEST(Machine, AnIntegratorInNoiseHasNothingWrong) {
   expect_nothing(diagnosis_of(recording(u, y, kPeriod_s, 0.01, 6)).discrepancy);
 }
 
+TEST(Machine, AMassThatOnlyDampingHoldsIsALinearMachineDownToItsNoise) {
+  const auto u = random_command(1500, 25, 31);
+  const Discrepancy d = diagnosis_of(recording(u, pushed(u, kPeriod_s, 2.5, 0), kPeriod_s, 0.003, 32)).discrepancy;
+  expect_nothing(d);
+  EXPECT_LT(d.gain.rmse_baseline, 1.2 * 0.003);
+}
+
+TEST(Machine, FrictionThatHoldsAMassBackIsNotTakenForADelay) {
+  const auto u = random_command(1500, 25, 33);
+  const auto diagnosis = diagnosis_of(recording(u, pushed(u, kPeriod_s, 2.5, 0.6), kPeriod_s, 0.003, 34));
+  expect_found(diagnosis, "friction");
+  ASSERT_FALSE(HasFatalFailure());
+  EXPECT_LT(diagnosis.discrepancy.gain.rmse_extended, 1.5 * 0.003);
+  EXPECT_NEAR(parameter(diagnosis.discrepancy.causes[0], "kinetic_A"), 0.6, 0.06);
+}
+
+TEST(Machine, ATankThatEmptiesByTheRootOfItsLevelIsFound) {
+  const auto u = each(random_command(1200, 25, 35), [](double x) { return 2 + 0.7 * x; });
+  Signal y(u.size());
+  double level = 4;
+  for (std::size_t t = 0; t < y.size(); ++t) {
+    y[t] = level;
+    for (int s = 0; s < 10; ++s) level += 0.1 * kPeriod_s * 3 * (u[t] - std::sqrt(std::max(level, 0.0)));
+  }
+  expect_found(diagnosis_of(recording(u, y, kPeriod_s, 0.02, 36)), "orifice_flow");
+}
+
 TEST(Machine, ACommandOfTwoLevelsIsHeldHoweverShortItsPulses) {
   const auto u = two_levels(1000, 5, 37);
   Recording measured = recording(u, lag(Oscillator{}.run(u, kPeriod_s), 0.2, kPeriod_s), kPeriod_s, kNoise, 38);

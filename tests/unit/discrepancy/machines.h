@@ -214,6 +214,23 @@ inline Signal rate_limited(const Signal& u, double per_sample) {
   return y;
 }
 
+/// A mass that a force pushes against damping and Coulomb friction, held by no spring: its position.
+inline Signal pushed(const Signal& force, double period_s, double damping, double coulomb) {
+  constexpr int kSteps = 20;
+  const double h = period_s / kSteps;
+  double y = 0, v = 0;
+  Signal shown(force.size());
+  for (std::size_t t = 0; t < force.size(); ++t) {
+    shown[t] = y;
+    for (int s = 0; s < kSteps; ++s) {
+      const double free = v + h * (force[t] - damping * v);
+      v = std::abs(free) <= h * coulomb ? 0 : free - std::copysign(h * coulomb, free);
+      y += h * v;
+    }
+  }
+  return shown;
+}
+
 /// A motor's position held at a moving set-point: what is recorded is its force and its position (or speed).
 struct Servo {
   double mass = 1, damping = 2, coulomb = 0, stiffness = 60, rate_gain = 8;
