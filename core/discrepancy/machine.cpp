@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -10,6 +9,7 @@
 
 #include "core/discrepancy/advise.h"
 #include "core/discrepancy/machine_conclusion.h"
+#include "core/discrepancy/machine_feedback.h"
 #include "core/discrepancy/machine_report.h"
 #include "core/mechanisms/mechanism.h"
 #include "core/residual/noise_floor.h"
@@ -19,7 +19,6 @@ namespace {
 
 constexpr int kLastIterations = 12;
 constexpr double kClockTolerance = 1e-4;
-constexpr double kFeedbackShare = 0.75;   // R² of the input's increments on present and past outputs
 constexpr double kDecimationShare = 0.1;  // of the output's deviation: first guess of what a linear machine leaves
 constexpr std::size_t kMostBootstrap = 400;
 
@@ -55,46 +54,28 @@ bool is_one_rate(std::span<const Recording> recordings) {
   return fast > 0 && fast < 1.5 * slow;
 }
 
-/// R² of Δu_t on y_t, y_{t−1}, y_{t−2} (LESSONS on regulated loops).
-double feedback_share(const Recording& recording) {
-  const auto& u = recording.input.values;
-  const auto& y = recording.output.values;
-  const std::size_t n = u.size();
-  if (n < 50) return 0;
-  Eigen::MatrixXd columns(static_cast<Eigen::Index>(n - 2), 4);
-  Eigen::VectorXd steps(static_cast<Eigen::Index>(n - 2));
-  for (std::size_t t = 2; t < n; ++t) {
-    const auto i = static_cast<Eigen::Index>(t - 2);
-    columns.row(i) << y[t], y[t - 1], y[t - 2], 1;
-    steps[i] = u[t] - u[t - 1];
-  }
-  const double mean = steps.mean();
-  const double total = (steps.array() - mean).square().sum();
-  if (total <= 0) return 0;
-  const Eigen::VectorXd gap = steps - columns * columns.colPivHouseholderQr().solve(steps);
-  return 1 - gap.squaredNorm() / total;
+/// The input a sample later: where a controller answers within the sample, its answer knows the noise that it follows.
+Recording with_past_input(Recording recording) {
+  auto& input = recording.input.values;
+  input.insert(input.begin(), input.front());
+  input.pop_back();
+  return recording;
 }
 
-bool has_feedback(std::span<const Recording> recordings) {
-  return std::any_of(recordings.begin(), recordings.end(), [](const Recording& recording) {
-    const bool seen = std::any_of(recording.quality.begin(), recording.quality.end(),
-                                  [](const QualityItem& item) { return item.code == "feedback"; });
-    return seen || feedback_share(recording) > kFeedbackShare;
-  });
-}
-
-double pooled_noise(std::span<const Recording> recordings) {
+double pooled_noise(std::span<const Recording> recordings, const LoopSigns& loop) {
   double squares = 0, samples = 0;
   for (const Recording& recording : recordings) {
     const auto n = static_cast<double>(recording.samples());
-    squares += std::pow(noise_floor(recording).rms, 2) * n;
+    const NoiseFloor floor = noise_floor(loop.integrating_controller ? with_past_input(recording) : recording);
+    squares += std::pow(floor.rms, 2) * n;
     samples += n;
   }
   return std::sqrt(squares / samples);
 }
 
-MachineGround ground_of(std::span<const Recording> recordings, const MachineData& data) {
+MachineGround ground_of(std::span<const Recording> recordings, const MachineData& data, const LoopSigns& loop) {
   MachineGround ground;
+  ground.least_delay = loop.integrating_controller ? 1 : 0;
   ground.input_low = ground.output_low = INFINITY;
   ground.input_high = ground.output_high = -INFINITY;
   for (const MachineRecord& record : data.records) {
@@ -260,6 +241,7 @@ std::vector<std::string> trace_of(const MachineSearch& search, const MachineData
     for (const MachineBlock& block : score.fit.machine.blocks) {
       text += fmt::format(" {}", name_of(block.law));
       if (!block.sections.empty()) text += fmt::format("{}", order_of(block.sections));
+      if (block.delay_samples > 0) text += fmt::format(" after {}", block.delay_samples);
       for (const double p : block.parameters) text += fmt::format(",{:.4g}", p);
     }
     lines.push_back(std::move(text));
@@ -346,11 +328,12 @@ Result<MachineDiagnosis> diagnose_machine(std::span<const Recording> recordings,
     const auto [low, high] = std::minmax_element(recording.output.values.begin(), recording.output.values.end());
     spread = std::max(spread, *high - *low);
   }
-  const double noise = pooled_noise(recordings);
+  const LoopSigns loop = loop_signs(recordings);
+  const bool feedback = loop.input_follows_output || loop.integrating_controller;
+  const double noise = pooled_noise(recordings, loop);
   const double allowed = std::max(0.01 * kDecimationShare * spread, noise);
   const MachineData data = machine_data(recordings, allowed, options.most_samples);
-  const MachineSearch search = search_machines(data, ground_of(recordings, data), budget);
-  const bool feedback = has_feedback(recordings);
+  const MachineSearch search = search_machines(data, ground_of(recordings, data, loop), budget);
   const double scale = data.output_scale;
   MachineVerdict verdict = conclude(search, data, noise / scale, feedback);
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "core/discrepancy/machine_conclusion.h"
+#include "core/discrepancy/machine_feedback.h"
 #include "core/recording/prepare.h"
 #include "core/residual/fit_figures.h"
 #include "tests/unit/discrepancy/machines.h"
@@ -228,6 +229,45 @@ TEST(Machine, ARegulatedLoopIsNotGivenAName) {
   }
   const auto d = diagnosis_of(recording(u, y, kPeriod_s, 1e-4, 22)).discrepancy;
   EXPECT_NE(d.conclusion, Conclusion::kNamed);
+}
+
+TEST(Machine, ARegulatedLoopIsNotExplainedByItsControllerRunBackwards) {
+  const Recording loop = regulated(kSamples, kPeriod_s, 0, 0.3, 41);
+  const auto d = diagnosis_of(loop).discrepancy;
+  // The measurement's own noise cannot be known from the input before it.
+  EXPECT_GT(d.gain.rmse_baseline, 0.7 * 0.005);
+  EXPECT_GT(d.gain.noise_floor, 0.7 * 0.005);
+}
+
+/// A lag of 10 samples behind a PI controller whose set-point steps now and then.
+Recording loop_with_steps(std::uint64_t seed) {
+  Noise noise(seed);
+  Signal u(kSamples), y(kSamples);
+  double sum = 0, state = 0, set_point = 0;
+  for (std::size_t t = 0; t < kSamples; ++t) {
+    if (t % 90 == 0) set_point = 10 * noise.uniform();
+    y[t] = state + 0.01 * noise.normal();
+    sum += 0.05 * (set_point - y[t]);
+    u[t] = sum + 0.5 * (set_point - y[t]);
+    state += 0.1 * (u[t] - state);
+  }
+  return recording(u, y, kPeriod_s, 0, 0);
+}
+
+TEST(LoopSigns, AnIntegratingControllerIsSeenBetweenTheStepsOfItsSetPoint) {
+  const Recording loop = loop_with_steps(43);
+  EXPECT_TRUE(loop_signs(std::span(&loop, 1)).integrating_controller);
+}
+
+TEST(LoopSigns, AMachineAloneShowsNoControllerHoweverDirectlyItAnswers) {
+  const auto u = random_command(kSamples, 25, 45);
+  const Signal direct = each(u, [](double x) { return 2 * x; }), slow = lag(u, 0.2, kPeriod_s);
+  const auto smooth = multisine(kSamples, 8, 47);
+  for (const Recording& alone : {recording(u, direct, kPeriod_s, 1e-3, 46), recording(u, slow, kPeriod_s, 1e-3, 46),
+                                 recording(smooth, lag(smooth, 0.2, kPeriod_s), kPeriod_s, 1e-3, 48),
+                                 recording(smooth, integral(smooth, kPeriod_s), kPeriod_s, 1e-3, 49)}) {
+    EXPECT_FALSE(loop_signs(std::span(&alone, 1)).integrating_controller);
+  }
 }
 
 /// An explanation with white residuals of these sizes on twelve held-out blocks.

@@ -1,0 +1,24 @@
+#pragma once
+
+#include <span>
+
+#include "core/recording/recording.h"
+
+namespace valvetriage {
+
+/// What a closed loop leaves in its recordings.
+struct LoopSigns {
+  /// The input's increments follow from the present and two past outputs, R² above 0.75: above it in every regulated
+  /// loop, below 0.25 in every recording of a machine alone (LESSONS on regulated loops).
+  bool input_follows_output = false;
+  /// An integrating controller's law holds exactly between changes of its set-point: the input's second differences are
+  /// Σ c_k Δy_{t−k}, k = 0 … 2, Σ c_k ≠ 0 on three quarters of the samples, and the past alone foretells them far
+  /// worse. The inverse of a machine has Σ c_k = 0. Within one sample the output then cannot follow the input: a fit
+  /// that may use the same sample finds the controller, run backwards.
+  bool integrating_controller = false;
+};
+
+/// Cost O(n) per recording
+LoopSigns loop_signs(std::span<const Recording> recordings);
+
+}  // namespace valvetriage
