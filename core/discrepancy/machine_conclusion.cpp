@@ -30,6 +30,8 @@ constexpr double kBlackBoxBetter = 1.3;
 constexpr double kSignificant = 0.05;
 constexpr double kExcludedWeight = 0.01;
 constexpr double kOverLinearOfFeedback = 1.5;
+constexpr double kBend = 1e-3;     // of a spring's force at the output's deviation: its cubic part
+constexpr double kLoopBend = 0.1;  // of a loop's slope over the output's range
 // Odds of 40 to 1 at a factor 1.2: p = 0.95 is met only where the margins are.
 const double kSteepness = std::log(40.0) / std::log(kOverNextFamily);
 
@@ -128,6 +130,23 @@ const MachineScore* best_of(const MachineSearch& search, const MachineData& data
   }
   if (!pair || !single) return pair ? pair : (single ? single : any);
   return pays(*pair, *single, floor) ? pair : single;
+}
+
+/// A law of the restoring force beats the linear machine without the effect that its name says: a spring that gives
+/// way, a loop without memory. Structure that has no name here.
+bool bends_without_a_name(const MachineSearch& search, const MachineData& data, const Margin& margin) {
+  const auto bends = [&](const MachineBlock& block) {
+    if (block.law == MachineLaw::kSpring) {
+      return std::abs(gain_at_rest(block.sections, block.feedback)) > kBend;
+    }
+    return block.law == MachineLaw::kRestoringLoop &&
+           std::abs(block.parameters[1]) * search.ground.output_range() > kLoopBend;
+  };
+  return std::any_of(search.scores.begin(), search.scores.end(), [&](const MachineScore& score) {
+    const auto& blocks = score.fit.machine.blocks;
+    return score.held_out && score.causes.size() == 1 && beats_linear(score, search.linear, margin) &&
+           std::any_of(blocks.begin(), blocks.end(), bends) && !has_effect(score, data, search.ground);
+  });
 }
 
 /// Causes that could stand in the place of the winner's: from rivals that share everything else with it.
@@ -282,8 +301,9 @@ MachineVerdict conclude(const MachineSearch& search, const MachineData& data, do
   }
   if (!supported) {
     verdict.candidates = weigh(search, best, {}, false);
-    decline(verdict, above_floor && (black_box_wins ||
-                                     (feedback && best && best->mean < search.linear.mean - std::log(kOverLinear))));
+    const Margin open_loop{.gain = kOverLinear, .significant = margin.significant};
+    const bool law_wins = feedback && best && beats_linear(*best, search.linear, open_loop);
+    decline(verdict, above_floor && (black_box_wins || law_wins || bends_without_a_name(search, data, margin)));
     add_untested(verdict.candidates);
     return verdict;
   }

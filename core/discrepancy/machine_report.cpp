@@ -110,22 +110,42 @@ bool reaches_rim(const MachineData& data, const MachineFit& fit, std::size_t tan
   return full >= 3;
 }
 
-/// Full width at mid range of the major loop that the restoring force runs through, as an input [scaled units]: the
-/// law's own equation along the output's range up and down.
-double loop_width(const MachineBlock& block, double output_range) {
+/// The major loop of a restoring force along the output's range up and down, by the law's own equation.
+struct MajorLoop {
+  double width = 0;   ///< at mid range, in h
+  double height = 0;  ///< in h
+};
+
+MajorLoop major_loop(const MachineBlock& block, double output_range) {
   constexpr int kPoints = 400;
   const double beta = block.parameters[0], delta = block.parameters[1];
   const double step = output_range / kPoints;
-  double h = 0, up = 0, down = 0;
+  double h = 0, up = 0, down = 0, low = INFINITY, high = -INFINITY;
   for (int i = 0; i < 4 * kPoints; ++i) {
     const int phase = i % (2 * kPoints);
     const double dy = phase < kPoints ? step : -step;
     h = (h + dy) / std::max(1 + beta * step + delta * dy * (h + dy < 0 ? -1.0 : 1.0), 1e-3);
     if (phase == kPoints / 2) up = h;
     if (phase == kPoints + kPoints / 2) down = h;
+    if (i < 2 * kPoints) continue;
+    low = std::min(low, h);
+    high = std::max(high, h);
   }
+  return {std::abs(up - down), high - low};
+}
+
+/// Full width at mid range as an input [scaled units].
+double loop_width(const MachineBlock& block, double output_range) {
   const double gain = gain_at_rest(block.sections, block.numerator);
-  return std::abs((up - down) * gain_at_rest(block.sections, block.feedback) / gain);
+  return std::abs(major_loop(block, output_range).width * gain_at_rest(block.sections, block.feedback) / gain);
+}
+
+/// Whether the way back lies apart from the way there. Without memory the law still bends the restoring force, and its
+/// steps damp: what looks like a loop then is a spring or a damping of another kind.
+bool has_memory(const MachineBlock& block, double output_range) {
+  constexpr double kLeastOpening = 0.1;  // of the loop's height
+  const MajorLoop loop = major_loop(block, output_range);
+  return loop.width > kLeastOpening * loop.height;
 }
 
 void add_levels(Writer& writer, const MachineData& data, const MachineFit& fit, const std::string& unit) {
@@ -291,6 +311,7 @@ bool has_effect(const MachineScore& score, const MachineData& data, const Machin
         break;
       case MachineLaw::kRestoringLoop:
         if (loop_width(block, ground.output_range()) < kNothing * input) return false;
+        if (!has_memory(block, ground.output_range())) return false;
         break;
       case MachineLaw::kMotion:
         if (p[5] < kNothing * std::abs(p[0] + p[1]) * input) return false;

@@ -280,14 +280,15 @@ std::vector<MachineTrial> sandwich_trials(const MachineGround& g) {
 
 std::vector<MachineTrial> motion_trials(const MachineData& data, const MachineGround& g) {
   MachineTrial stiffening{{"stiffening_spring"}, "in the restoring force", {}};
-  MachineTrial loop{{"hysteresis"}, "in the restoring force", {}};
+  std::vector<MachineTrial> loops;  // one for each order: early in a fit, a further state hides the better loop
   MachineTrial friction{{"friction"}, "inside the motion", {}};
   for (const LinearMachine& linear : g.linear) {
     if (linear.order < 1 || linear.order > 3) continue;
     if (linear.order >= 2) {
+      loops.push_back({{"hysteresis"}, "in the restoring force", {}});
       for (const double cubic : {0.005, 0.05, 0.2}) stiffening.starts.push_back(spring(linear, cubic));
       for (const double share : {0.1, 0.5}) {
-        for (const double beta : {0.3, 2.0}) loop.starts.push_back(restoring_loop(linear, share, beta));
+        for (const double beta : {0.3, 2.0}) loops.back().starts.push_back(restoring_loop(linear, share, beta));
       }
     }
     if (linear.order > 2) continue;
@@ -297,7 +298,9 @@ std::vector<MachineTrial> motion_trials(const MachineData& data, const MachineGr
   }
   for (MachineFit& fit : springs_by_equation(data, g)) add_with_delays(g, std::move(fit), stiffening.starts);
   for (MachineFit& fit : frictions_by_equation(data, g)) add_with_delays(g, std::move(fit), friction.starts);
-  return {stiffening, loop, friction};
+  loops.push_back(std::move(stiffening));
+  loops.push_back(std::move(friction));
+  return loops;
 }
 
 std::vector<MachineTrial> tank_trials(const MachineData& data, const MachineGround& g) {

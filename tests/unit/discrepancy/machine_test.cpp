@@ -312,6 +312,32 @@ TEST(MachineConclusion, ALawThatReachesTheNoiseIsNamedThoughTheLinearMachineIsNo
   EXPECT_EQ(conclude(search, MachineData{}, 0.7, false).conclusion, Conclusion::kNamed);
 }
 
+/// One held-out law of the restoring force that is six times closer than the linear machine.
+MachineSearch bent(MachineBlock block) {
+  block.sections = {{.order = 2, .e = 0.1, .f = 0.1}};
+  block.numerator = {1, 0, 0};
+  MachineScore score = scored({"law"}, std::vector<double>(12, 0.16), 55);
+  score.fit.machine.blocks = {std::move(block)};
+  MachineSearch search = searched({std::move(score)});
+  search.ground.input_low = search.ground.output_low = -3;
+  search.ground.input_high = search.ground.output_high = 3;
+  return search;
+}
+
+TEST(MachineConclusion, ASpringThatGivesWayIsStructureWithoutAName) {
+  const auto search = bent({.law = MachineLaw::kSpring, .parameters = {0}, .feedback = {0.05, 0}});
+  const MachineVerdict verdict = conclude(search, MachineData{}, 0.1, false);
+  EXPECT_EQ(verdict.conclusion, Conclusion::kUnexplained);
+  EXPECT_EQ(verdict.winner, nullptr);
+}
+
+TEST(MachineConclusion, ALoopWhoseWayBackIsItsWayThereIsNoHysteresis) {
+  const auto search = bent({.law = MachineLaw::kRestoringLoop, .parameters = {0.001, 0.98}, .feedback = {-0.5, 0}});
+  const MachineVerdict verdict = conclude(search, MachineData{}, 0.1, false);
+  EXPECT_EQ(verdict.conclusion, Conclusion::kUnexplained);
+  EXPECT_EQ(verdict.winner, nullptr);
+}
+
 TEST(Machine, EqualRecordingsGiveEqualAnswers) {
   const auto u = random_command(400, 25, 23);
   const Recording measured = recording(u, lag(play(u, 0.6), 0.1, kPeriod_s), kPeriod_s, kNoise, 24);
