@@ -252,6 +252,9 @@ bool is_beyond_doubt(const MachineSearch& search, const MachineData& data, const
                      const MachineVerdict& verdict) {
   if (verdict.p_value >= kConfident) return false;
   if (best.rms() <= kNearFloor * noise_rms) return true;
+  // Damping of any kind looks like a memory, and most kinds have no name.
+  const auto remembers = [](const std::string& cause) { return family_of(cause) == "memory"; };
+  if (std::any_of(best.causes.begin(), best.causes.end(), remembers)) return false;
   if (search.black_box_rms < kBeyondDoubt * best.rms()) return false;
   return std::all_of(search.scores.begin(), search.scores.end(), [&](const MachineScore& rival) {
     if (!rival.held_out || contains(rival, best) || family_set(rival) == family_set(best)) return true;

@@ -26,6 +26,7 @@ constexpr std::size_t kKeptStarts = 2;  // of each explanation, after screening
 constexpr std::size_t kPairBases = 2;
 constexpr double kPairBaseGain = 1.08;    // a single that gains less is no base for a pair
 constexpr double kPairScreenGain = 0.97;  // a pair that fits no better than its base is not held out
+constexpr double kRinging = 1.5;          // times the least damping that a record can tell
 constexpr int kDelayTries = 6;
 constexpr double kWorthADelay = 1e-3;    // of the squared error
 constexpr double kWorthAnOrder = 0.005;  // of the held-out error
@@ -122,10 +123,14 @@ void sort_by_score(std::vector<MachineScore>& scores) {
   });
 }
 
-/// The block that holds a fit's delay.
+/// The block that holds a fit's delay: dynamics, or a gain in front of a law that has the lag. A static core has none.
 MachineBlock* delayed_block(MachineFit& fit) {
+  const auto& blocks = fit.machine.blocks;
+  const bool lags =
+      std::any_of(blocks.begin(), blocks.end(), [](const auto& block) { return block.law == MachineLaw::kLag; });
   for (MachineBlock& block : fit.machine.blocks) {
-    if (!block.sections.empty() || block.law == MachineLaw::kMotion || block.law == MachineLaw::kTanks) return &block;
+    const bool dynamics = !block.sections.empty() || (lags && !block.numerator.empty());
+    if (dynamics || block.law == MachineLaw::kMotion || block.law == MachineLaw::kTanks) return &block;
   }
   return nullptr;
 }
@@ -201,6 +206,32 @@ std::vector<MachineScore> pairs(const MachineData& data, const MachineGround& gr
     hold_out(data, score, budget);
   }
   return found;
+}
+
+/// Squares of a fit in which what rings for as long as a record can tell starts at rest.
+double squares_without_ringing(const MachineData& data, MachineFit fit, MachineBudget& budget) {
+  std::size_t longest = 2;
+  for (const MachineRecord& record : data.records) longest = std::max(longest, record.input.size());
+  const double least_e = SectionLimits(longest).least_e;
+  std::size_t at = 0;
+  bool rings = false;
+  for (const Section& section : fit.machine.blocks[0].sections) {
+    const bool ringing = section.order == 2 && section.e < kRinging * least_e && 4 * section.f > section.e * section.e;
+    for (int state = 0; state < section.order; ++state, ++at) {
+      if (!ringing) continue;
+      for (auto& start : fit.starts) start[at] = 0;
+      rings = true;
+    }
+  }
+  if (rings) evaluate_machine(data, data.all_rows(), fit, budget);
+  return fit.squares;
+}
+
+/// Whether a linear machine needs the ringing of its start to be closer than a lower order: a tone beside the input,
+/// not an answer to it.
+bool only_rings(const MachineData& data, const MachineScore& higher, const MachineScore& lower, MachineBudget& budget) {
+  const double still = squares_without_ringing(data, higher.fit, budget);
+  return still > higher.fit.squares * (1 + kWorthAnOrder) && !(still < lower.fit.squares);
 }
 
 /// Whether a higher order is closer on what was held out, also where slow wander counts once and not once per sample:
@@ -416,7 +447,7 @@ MachineScore search_linear(const MachineData& data, MachineGround& ground, Machi
     if (choice) try_integrating(data, ground, machine, budget);
     MachineScore score{.fit = machine.fit};
     hold_out(data, score, budget);
-    if (best.held_out && !earns_its_order(score, best)) continue;
+    if (best.held_out && (!earns_its_order(score, best) || only_rings(data, score, best, budget))) continue;
     best = std::move(score);
     ground.chosen_order = machine.order;
   }

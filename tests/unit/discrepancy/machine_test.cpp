@@ -182,6 +182,22 @@ TEST(Machine, MagnitudesOfAnOscillatorBehindALagAreExplainedDownToTheNoise) {
   EXPECT_LT(diagnosis.discrepancy.gain.rmse_extended, 1.2 * kNoise);
 }
 
+TEST(Machine, ALagThatIsSlowerDownwardsIsFoundBehindADelay) {
+  const auto u = random_command(kSamples, 25, 57);
+  const auto diagnosis = diagnosis_of(recording(u, later(lag(u, 0.12, kPeriod_s, 0.2), 3), kPeriod_s, kNoise, 58));
+  expect_found(diagnosis, "asymmetric_response");
+  EXPECT_LT(diagnosis.discrepancy.gain.rmse_extended, 1.2 * kNoise);
+}
+
+TEST(Machine, AToneIsNotTheRingingOfALinearMachine) {
+  const auto u = random_command(1500, 25, 59);
+  auto y = Oscillator{.omega = 8, .zeta = 0.4}.run(u, kPeriod_s);
+  for (std::size_t t = 0; t < y.size(); ++t) {
+    y[t] += 0.15 * std::sin(2 * std::numbers::pi * 6.37 * kPeriod_s * static_cast<double>(t));
+  }
+  expect_found(diagnosis_of(recording(u, y, kPeriod_s, kNoise, 60)), "periodic_disturbance");
+}
+
 TEST(Machine, LostMotionInFrontOfALagIsFoundWithItsWidth) {
   const auto u = random_command(kSamples, 20, 15);
   const auto diagnosis = diagnosis_of(recording(u, lag(play(u, 0.6), 0.1, kPeriod_s), kPeriod_s, kNoise, 16));
@@ -310,6 +326,13 @@ TEST(MachineConclusion, APairIsNotMeasuredAgainstASingleThatDoesNotBeatTheLinear
 TEST(MachineConclusion, ALawThatReachesTheNoiseIsNamedThoughTheLinearMachineIsNotFarAboveIt) {
   const auto search = searched({scored({"friction"}, std::vector<double>(12, 0.7), 54)});
   EXPECT_EQ(conclude(search, MachineData{}, 0.7, false).conclusion, Conclusion::kNamed);
+}
+
+TEST(MachineConclusion, AMemoryThatLeavesMoreThanTwiceTheNoiseIsNotCertain) {
+  const auto search = searched({scored({"hysteresis"}, std::vector<double>(12, 0.25), 61),
+                                scored({"saturation"}, std::vector<double>(12, 0.9), 62)});
+  EXPECT_EQ(conclude(search, MachineData{}, 0.1, false).conclusion, Conclusion::kAmbiguous);
+  EXPECT_EQ(conclude(search, MachineData{}, 0.2, false).conclusion, Conclusion::kNamed);
 }
 
 /// One held-out law of the restoring force that is six times closer than the linear machine.
