@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "core/discrepancy/evidence.h"
+#include "core/discrepancy/slip_search.h"
 #include "core/discrepancy/valve_catalogue.h"
 
 namespace valvetriage {
@@ -35,7 +36,7 @@ constexpr std::size_t kGoodValveJointFits = 3;
 constexpr double kLongSearch = 8;
 constexpr int kJointSteps = 12;
 constexpr std::size_t kMostStarts = 16;
-// Dry friction has valleys beside the right one.
+// The start that simulates best is not always the one whose fit ends best.
 constexpr std::size_t kStartsFromPlace = 2;
 // A residual this many times slower than white noise has bent the baseline.
 constexpr double kBent = 6;
@@ -207,6 +208,17 @@ std::vector<const Tested*> late_entries(const std::string& cause, const Survey& 
   return late;
 }
 
+/// Laws that make the spool stick and have not been in the race: what a bent fit forecasts of slips is nothing.
+std::vector<const Tested*> sticking_entries(const Survey& survey, const Explanation& beside,
+                                            const std::vector<const Tested*>& racing) {
+  std::vector<const Tested*> sticking;
+  for (const Tested& tested : survey.tested) {
+    const bool is_known = std::find(racing.begin(), racing.end(), &tested) != racing.end();
+    if (!is_known && makes_stick(tested.fit.law, beside)) sticking.push_back(&tested);
+  }
+  return sticking;
+}
+
 /// ln likelihood of an explanation, tempered; each parameter pays the half logarithm of the samples that count.
 double log_likelihood(double cost, Index freedoms, double inflation, double samples) {
   return -0.5 * cost / inflation - 0.5 * static_cast<double>(freedoms) * std::log(std::max(samples / inflation, 2.0));
@@ -316,9 +328,12 @@ void fit_jointly(const std::vector<const Tested*>& entering, const Explanation& 
   std::vector<VectorXd> places;
   if (bent) places = {beside.v, at_population_mean(beside)};
   for (const Tested* tested : entering) {
+    const std::vector<JointStart> starts = bent && makes_stick(tested->fit.law, beside)
+                                               ? slip_starts(beside, tested->fit.law, places.back())
+                                               : joint_starts(*tested, beside, places);
     joint.racing.push_back(tested);
-    joint.fitted.push_back(extend(beside, tested->fit, kJointSteps, joint.lowest - kInTheRace * joint.inflation,
-                                  joint_starts(*tested, beside, places)));
+    joint.fitted.push_back(
+        extend(beside, tested->fit, kJointSteps, joint.lowest - kInTheRace * joint.inflation, starts));
     if (joint.fitted.back().cost >= joint.lowest) continue;
     joint.lowest = joint.fitted.back().cost;
     joint.inflation = noise_inflation(whitened_residual(joint.fitted.back()));
@@ -467,6 +482,7 @@ Contest hold_contest(const Explanation& beside, const ValveDiagnosisOptions& opt
   if (bent) {
     const std::string leading(joint.racing.front()->cause());
     fit_jointly(late_entries(leading, contest.survey, joint.racing), beside, bent, joint);
+    fit_jointly(sticking_entries(contest.survey, beside, joint.racing), beside, bent, joint);
   }
   enter(contest, joint, linear, beside, options);
   settle(contest, laws);

@@ -55,7 +55,8 @@ ValveFitProblem::ValveFitProblem(std::span<const Recording> recordings, const Va
   for (const Recording& recording : recordings) {
     Prepared prepared{.recording = &recording, .input = noise_free_input(recording)};
     const double noise = noise_floor(recording).rms;
-    prepared.inverse_variance = noise > 0 ? 1.0 / (noise * noise) : 1.0;
+    if (noise > 0) prepared.noise_variance = noise * noise;
+    prepared.inverse_variance = 1 / prepared.noise_variance;
     for (std::size_t i = 0; i < recording.samples(); ++i) {
       prepared.time_s.push_back(static_cast<double>(i) * recording.sample_period_s);
       prepared.ends_s.push_back(prepared.time_s.back());
@@ -220,6 +221,45 @@ VectorXd ValveFitProblem::continued_in(const ValveFitProblem& wider, const Vecto
   return wider.clamped(w);
 }
 
+void ValveFitProblem::follow_rests(const VectorXd& v) {
+  const ValveParameters valve = to_parameters(v.head(kParameters), options_.reference_psi, options_.usual);
+  const std::vector<double> outputs(v.data() + kParameters, v.data() + kParameters + knots_);
+  const StaticMap map = curve_.rising_through(outputs);
+  for (std::size_t r = 0; r < prepared_.size(); ++r) {
+    Prepared& prepared = prepared_[r];
+    const Recording& recording = *prepared.recording;
+    prepared.rests = spool_rests(recording, valve, map, options_.usual.gauge_lag_s, std::sqrt(prepared.noise_variance));
+    const double noise = static_cast<double>(recording.samples()) * prepared.noise_variance;
+    const double left = squared_error(v, r);
+    const double slow = std::max(1.0, valve.volume.time_constant_s / recording.sample_period_s);
+    prepared.inverse_variance = 1 / (prepared.noise_variance * (1 + slow * std::max(0.0, left / noise - 1)));
+  }
+}
+
+std::vector<Slip> ValveFitProblem::slips(const VectorXd& v) const {
+  const ValveParameters valve = to_parameters(v.head(kParameters), options_.reference_psi, options_.usual);
+  const MagneticLoop loop = loop_of(valve, options_.usual);
+  std::vector<Slip> slips;
+  for (const Prepared& prepared : prepared_) {
+    const std::vector<Slip> here = slips_between(loop.apply(prepared.input, prepared.driver).start, prepared.rests);
+    slips.insert(slips.end(), here.begin(), here.end());
+  }
+  return slips;
+}
+
+VectorXd ValveFitProblem::let_go(VectorXd v) {
+  for (std::size_t r = 0; r < prepared_.size(); ++r) {
+    std::vector<double>& rests = prepared_[r].rests;
+    const double breakaway = blocks_of(v, r).friction.breakaway_a;
+    if (!rests.empty() && std::isfinite(rests[0]) && breakaway > 0) {
+      v(own_at(r) + kMemory) = (prepared_[r].input.start[0] - rests[0]) / breakaway;
+    }
+    rests.clear();
+    prepared_[r].inverse_variance = 1 / prepared_[r].noise_variance;
+  }
+  return clamped(std::move(v));
+}
+
 StaticMap ValveFitProblem::map_of(const VectorXd& v) const {
   const double* first = v.data() + kParameters;
   return curve_.through(std::vector<double>(first, first + knots_));
@@ -300,7 +340,7 @@ void ValveFitProblem::run_position(const VectorXd& v, std::size_t recording, std
       is_moved ? loop.apply(moved, loop_driver(moved, prepared.gate)) : loop.apply(prepared.input, prepared.driver);
   position.resize(prepared.input.start.size());
   if (blocks.friction.breakaway_a > 0) {
-    run_sliding_spool(blocks.valve.spool, blocks.friction, period_s, force, memory, position);
+    run_sliding_spool(blocks.valve.spool, blocks.friction, period_s, force, memory, position, prepared.rests);
   } else {
     spool.run(force, position);
   }
@@ -335,18 +375,29 @@ std::vector<double> ValveFitProblem::simulate(const VectorXd& v, std::size_t rec
   return std::move(run(v, recording, false).output);
 }
 
+double ValveFitProblem::squared_error(const VectorXd& v, std::size_t recording) const {
+  const std::vector<double> simulated = simulate(v, recording);
+  const Recording& measured = *prepared_[recording].recording;
+  double squares = 0;
+  for (std::size_t i = 0; i < simulated.size(); ++i) {
+    if (!measured.is_valid(i)) continue;
+    const double e = measured.output.values[i] - simulated[i];
+    squares += e * e;
+  }
+  return squares;
+}
+
 double ValveFitProblem::cost(const VectorXd& v) const {
   double sum = penalty(v);
+  for (std::size_t r = 0; r < prepared_.size(); ++r) sum += squared_error(v, r) * prepared_[r].inverse_variance;
+  return sum;
+}
+
+double ValveFitProblem::scale_free_cost(const VectorXd& v) const {
+  double sum = 0;
   for (std::size_t r = 0; r < prepared_.size(); ++r) {
-    const std::vector<double> simulated = simulate(v, r);
-    const Recording& recording = *prepared_[r].recording;
-    double squares = 0;
-    for (std::size_t i = 0; i < simulated.size(); ++i) {
-      if (!recording.is_valid(i)) continue;
-      const double e = recording.output.values[i] - simulated[i];
-      squares += e * e;
-    }
-    sum += squares * prepared_[r].inverse_variance;
+    const double samples = static_cast<double>(prepared_[r].recording->samples());
+    sum += samples * std::log(prepared_[r].noise_variance + squared_error(v, r) / samples);
   }
   return sum;
 }

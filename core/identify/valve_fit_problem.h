@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "core/identify/knot_curve.h"
+#include "core/identify/spool_rests.h"
 #include "core/identify/valve_fit.h"
 
 namespace valvetriage {
@@ -47,6 +48,8 @@ class ValveFitProblem {
   double cost(const Eigen::VectorXd& v) const;
   double penalty(const Eigen::VectorXd& v) const;
   std::vector<double> simulate(const Eigen::VectorXd& v, std::size_t recording) const;
+  /// Σ n ln(mean square error) over recordings: their cost where the size of each one's error is not known beforehand.
+  double scale_free_cost(const Eigen::VectorXd& v) const;
 
   /// Every signal along the chain of one free run.
   struct Run {
@@ -64,6 +67,16 @@ class ValveFitProblem {
   /// last law, shared ones first, then each recording's own.
   Eigen::VectorXd continued_in(const ValveFitProblem& wider, const Eigen::VectorXd& v,
                                std::span<const double> parameters) const;
+  /// Whether its laws make the spool stick at v.
+  bool sticks(const Eigen::VectorXd& v) const { return blocks_of(v, 0).friction.breakaway_a > 0; }
+  /// From now on a spool with dry friction begins every slip where the measured one, by the valve at v, rested: its
+  /// runs are one slip ahead of the data instead of free. Each recording weighs by what v leaves of it, an error as
+  /// slow as the volume, so that one whose slips are still wrong does not bend the valve.
+  void follow_rests(const Eigen::VectorXd& v);
+  /// The slips of all recordings by the rests that are followed, behind the magnetic loop at v.
+  std::vector<Slip> slips(const Eigen::VectorXd& v) const;
+  /// Runs are free again, weighed by noise. Returns v with the spools' first places where the rests have them.
+  Eigen::VectorXd let_go(Eigen::VectorXd v);
   /// What a law may look at in one recording.
   LawContext context(const Eigen::VectorXd& v, std::size_t recording) const;
   bool acts(const LawInFit& law, std::size_t recording) const { return !law.recording || *law.recording == recording; }
@@ -99,6 +112,8 @@ class ValveFitProblem {
     double gate = 0;                  ///< of the loop's driver
     std::vector<double> driver;       ///< of the loop, where no law acts on the input
     double inverse_variance = 1;
+    double noise_variance = 1;
+    std::vector<double> rests;  ///< of the measured spool, as `spool_rests`; empty: runs are free
   };
 
   /// The valve's blocks with every law on them.
@@ -107,6 +122,7 @@ class ValveFitProblem {
     SpoolFriction friction;
   };
   Blocks blocks_of(const Eigen::VectorXd& v, std::size_t recording) const;
+  double squared_error(const Eigen::VectorXd& v, std::size_t recording) const;
   StaticMap map_of(const Eigen::VectorXd& v) const;
   void run_position(const Eigen::VectorXd& v, std::size_t recording, std::vector<double>& position) const;
   /// Whether a law acts on a signal of this model, at a place.

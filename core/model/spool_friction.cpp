@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace valvetriage {
 namespace {
@@ -43,6 +44,26 @@ class DelayedInput {
   double delay_;
 };
 
+/// Where the slips of a spool begin whose rests are known.
+class KnownRests {
+ public:
+  explicit KnownRests(std::span<const double> rests) : rests_(rests) {}
+
+  void slipped() { has_slipped_ = true; }
+  /// For a spool that stands at x at sample i. A rest it has slipped from is no other place to slip from.
+  double next_slip_from(std::size_t i, double x) {
+    if (rests_.empty() || !has_slipped_ || !std::isfinite(rests_[i]) || rests_[i] == last_) return x;
+    has_slipped_ = false;
+    last_ = rests_[i];
+    return last_;
+  }
+
+ private:
+  std::span<const double> rests_;
+  bool has_slipped_ = true;
+  double last_ = std::numeric_limits<double>::quiet_NaN();
+};
+
 }  // namespace
 
 int sliding_substeps(const ValveDynamics& dynamics, double sample_period_s) {
@@ -51,7 +72,8 @@ int sliding_substeps(const ValveDynamics& dynamics, double sample_period_s) {
 }
 
 void run_sliding_spool(const ValveDynamics& dynamics, const SpoolFriction& friction, double sample_period_s,
-                       const IntervalSignal& input, double offset, std::span<double> position) {
+                       const IntervalSignal& input, double offset, std::span<double> position,
+                       std::span<const double> rests) {
   if (position.empty()) return;
   const double wn = dynamics.natural_frequency_rad_s;
   const int substeps = sliding_substeps(dynamics, sample_period_s);
@@ -69,8 +91,12 @@ void run_sliding_spool(const ValveDynamics& dynamics, const SpoolFriction& frict
   double lagged = delayed.at(0);
   double x = lagged - offset * friction.breakaway_a;
   double v = 0;
+  KnownRests known(rests);
+  if (!rests.empty() && std::isfinite(rests[0])) x = known.next_slip_from(0, rests[0]);
+  double landed = x;
   for (std::size_t i = 0; i < position.size(); ++i) {
-    position[i] = x;
+    if (v == 0) x = known.next_slip_from(i, x);
+    position[i] = v == 0 ? landed : x;
     const bool sticks = v == 0 && std::abs(lagged - x) <= friction.breakaway_a;
     if (sticks && delayed.holds(i, lagged)) continue;
     for (int k = 0; k < substeps; ++k) {
@@ -86,6 +112,10 @@ void run_sliding_spool(const ValveDynamics& dynamics, const SpoolFriction& frict
       const double free = v * keep + push * (u - x);
       const double moved = share * (free - std::clamp(free, -push * force, push * force));
       x += 0.5 * h * (v + moved);
+      if (v != 0 && moved == 0) {
+        landed = x;
+        known.slipped();
+      }
       v = moved;
     }
   }

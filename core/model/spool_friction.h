@@ -28,9 +28,15 @@ int sliding_substeps(const ValveDynamics& dynamics, double sample_period_s);
 /// at most).
 ///
 /// offset  where the spool rests before the first sample: at input − offset · F_s, −1 ≤ offset ≤ 1
+/// rests   empty, or where the spool is known to rest at each sample, NaN where it is not known to [A]: a spool that
+/// has
+///         slipped begins its next slip there. Each slip is then predicted from where the last one really ended, and an
+///         error of one does not move all that follow (as in multiple shooting: Bock, Numerical Treatment of Inverse
+///         Problems in Differential Equations (1983) 95)
 /// Cost    O(n · substeps), trapezoidal steps of at most a seventh of 1/ωn, none while the spool sticks under an input
 ///         that holds; nothing allocated
 void run_sliding_spool(const ValveDynamics& dynamics, const SpoolFriction& friction, double sample_period_s,
-                       const IntervalSignal& input, double offset, std::span<double> position);
+                       const IntervalSignal& input, double offset, std::span<double> position,
+                       std::span<const double> rests = {});
 
 }  // namespace valvetriage

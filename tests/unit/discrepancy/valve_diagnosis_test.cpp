@@ -195,6 +195,19 @@ TEST(ValveDiagnosis, ANarrowDeadBandIsFoundWhereverItsMiddleIs) {
   }
 }
 
+TEST(ValveDiagnosis, ASpoolThatSticksHardIsFoundWhereTheFitHasBentTowardsIt) {
+  const test::MadeValve valve;
+  const auto healthy = test::session(valve, kNoise_psi, 21);
+  const Population population(healthy, valve);
+  const MechanismUse sticking{.cause = "friction", .parameters = {0.083, 0.051, 0.2}};
+  const ValveDiagnosis diagnosis = diagnosed(with_cause(healthy, population.model(valve), sticking), population);
+  ASSERT_FALSE(diagnosis.discrepancy.causes.empty());
+  const NamedCause& named = diagnosis.discrepancy.causes.front();
+  EXPECT_EQ(named.cause, "friction");
+  EXPECT_NEAR(named.parameters[0].second.value, 0.083, 0.004);
+  EXPECT_NEAR(named.parameters[1].second.value, 0.051, 0.006);
+}
+
 TEST(ValveDiagnosis, AChannelThatLowersTheReadingIsFoundAsOneThatRaisesIt) {
   const test::MadeValve valve;
   auto healthy = test::session(valve, kNoise_psi, 7);

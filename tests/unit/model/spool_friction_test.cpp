@@ -1,0 +1,111 @@
+#include "core/model/spool_friction.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+namespace valvetriage {
+namespace {
+
+constexpr double kPeriod_s = 0.005;
+constexpr double kNowhere = std::numeric_limits<double>::quiet_NaN();
+const ValveDynamics kSpool{.natural_frequency_rad_s = 300, .damping_ratio = 0.9};
+const SpoolFriction kFriction{.breakaway_a = 0.1, .kinetic_a = 0.06, .stribeck_a_per_s = 0.2};
+
+/// A rise of 0.1 A a second, held for half a second before it.
+IntervalSignal slow_ramp(std::size_t samples) {
+  IntervalSignal ramp;
+  const auto at = [](std::size_t i) { return i < 100 ? 0.0 : 0.1 * kPeriod_s * static_cast<double>(i - 100); };
+  for (std::size_t i = 0; i < samples; ++i) {
+    ramp.start.push_back(at(i));
+    ramp.end.push_back(at(i + 1));
+  }
+  return ramp;
+}
+
+std::vector<double> run(const SpoolFriction& friction, std::span<const double> rests = {}) {
+  std::vector<double> position(1000);
+  run_sliding_spool(kSpool, friction, kPeriod_s, slow_ramp(position.size()), 0, position, rests);
+  return position;
+}
+
+/// How often the spool sets off from a rest, and where it rested before it did so the last time.
+struct Slips {
+  int count = 0;
+  double last_from = 0;
+};
+
+Slips slips_of(const std::vector<double>& position) {
+  Slips slips;
+  for (std::size_t i = 2; i < position.size(); ++i) {
+    const bool was_at_rest = position[i - 1] == position[i - 2];
+    if (!was_at_rest || position[i] == position[i - 1]) continue;
+    ++slips.count;
+    slips.last_from = position[i - 1];
+  }
+  return slips;
+}
+
+TEST(SlidingSpool, OnASlowRampSlipsFromBreakawayToTheKineticForce) {
+  const std::vector<double> position = run(kFriction);
+  // 0.45 A of ramp: the first slip at 0.1 A, each later one 0.1 − 0.06 A farther.
+  EXPECT_NEAR(slips_of(position).count, 1 + (0.45 - 0.1) / 0.04, 1.0);
+  EXPECT_NEAR(position.back(), 0.45 - 0.08, 0.02 + 1e-9);
+}
+
+TEST(SlidingSpool, RestsThatAreNotKnownChangeNothing) {
+  EXPECT_EQ(run(kFriction, std::vector<double>(1000, kNowhere)), run(kFriction));
+}
+
+TEST(SlidingSpool, ItsOwnRestsChangeNothing) {
+  const std::vector<double> free = run(kFriction);
+  std::vector<double> rests(free.size(), kNowhere);
+  for (std::size_t i = 1; i < free.size(); ++i) {
+    if (free[i] == free[i - 1]) rests[i] = free[i];
+  }
+  EXPECT_EQ(run(kFriction, rests), free);
+}
+
+TEST(SlidingSpool, ASlipBeginsWhereTheSpoolIsKnownToRest) {
+  const std::vector<double> free = run(kFriction);
+  const Slips usual = slips_of(free);
+  // From the middle on the spool is known to rest 3 mA higher than it came.
+  std::vector<double> rests(free.size(), kNowhere);
+  for (std::size_t i = 500; i < free.size(); ++i) {
+    if (free[i] == free[i - 1]) rests[i] = free[i] + 0.003;
+  }
+  const std::vector<double> told = run(kFriction, rests);
+  EXPECT_TRUE(std::equal(free.begin(), free.begin() + 500, told.begin()));
+  // What is shown is where it came by itself, up to the slip: no jump by 3 mA while it stands.
+  for (std::size_t i = 1; i < told.size(); ++i) {
+    const double moved = std::abs(told[i] - told[i - 1]);
+    EXPECT_FALSE(moved > 0 && std::abs(moved - 0.003) < 1e-6) << i;
+  }
+  EXPECT_LE(slips_of(told).count, usual.count);
+}
+
+TEST(SlidingSpool, ASpoolThatHoldsTooLongSlipsLateOnceAndNotForEver) {
+  const std::vector<double> truth = run(kFriction);
+  std::vector<double> rests(truth.size(), kNowhere);
+  for (std::size_t i = 1; i < truth.size(); ++i) {
+    if (truth[i] == truth[i - 1]) rests[i] = truth[i];
+  }
+  SpoolFriction holding = kFriction;
+  holding.breakaway_a *= 1.05;
+  const auto usual_error = [&](const std::vector<double>& position) {
+    std::vector<double> errors;
+    for (std::size_t i = 600; i < position.size(); ++i) errors.push_back(std::abs(position[i] - truth[i]));
+    std::nth_element(errors.begin(), errors.begin() + 200, errors.end());
+    return errors[200];
+  };
+  // Told where each slip really began, the error of one slip, 5 mA, does not add to that of the next.
+  EXPECT_NEAR(usual_error(run(holding, rests)), 0.005, 0.002);
+  EXPECT_GT(usual_error(run(holding)), 0.01);
+  EXPECT_GE(slips_of(run(holding, rests)).count, slips_of(truth).count - 1);
+}
+
+}  // namespace
+}  // namespace valvetriage
