@@ -21,6 +21,9 @@ constexpr std::size_t kFitted = 2;                      // of the grid, and of w
 constexpr int kFirstFits = 2, kLastFits = 6, kSteps = 4;
 constexpr double kLeastGain = 10;  // of the scale-free cost: an error 1 % smaller in 500 samples
 constexpr double kSmallestGain = 1e-4;
+constexpr Index kLawParameters = 3;
+constexpr double kFirstStep = 0.06;
+constexpr int kHalvings = 4;
 
 using Parameters = std::vector<double>;
 
@@ -89,6 +92,30 @@ void fit_ahead(ValveFitProblem& problem, int fits, Point& point) {
   }
 }
 
+/// The law's parameters alone, in free runs, by pattern search in their logarithms: where one slip more or less
+/// decides, a difference over a small step says nothing. Source: Hooke, Jeeves, J. ACM 8 (1961) 212.
+void search_free(const ValveFitProblem& problem, Point& point) {
+  point.cost = problem.cost(point.v);
+  double step = kFirstStep;
+  for (int halvings = 0; halvings < kHalvings; ++halvings, step *= 0.5) {
+    for (bool improves = true; improves;) {
+      improves = false;
+      for (Index entry = problem.shared() - kLawParameters; entry < problem.shared(); ++entry) {
+        for (const double by : {std::exp(step), std::exp(-step)}) {
+          Point tried = point;
+          tried.v(entry) *= by;
+          tried.v = problem.clamped(std::move(tried.v));
+          tried.cost = problem.cost(tried.v);
+          if (!is_better(tried, point)) continue;
+          point = std::move(tried);
+          improves = true;
+          break;
+        }
+      }
+    }
+  }
+}
+
 /// A vector with the last law taken off again.
 JointStart as_start(const ValveFitProblem& with_law, const ValveFitProblem& beside, const VectorXd& v,
                     std::size_t laws) {
@@ -140,9 +167,11 @@ std::vector<JointStart> slip_starts(const Explanation& beside, const LawInFit& l
   std::stable_sort(points.begin(), points.end(), is_better);
   fit_ahead(problem, kLastFits, points.front());
   std::vector<JointStart> starts;
-  for (const Point& point : points) {
-    starts.push_back(as_start(problem, *beside.problem, problem.let_go(point.v), beside.options->laws.size()));
+  for (Point& point : points) {
     problem.follow_rests(point.v);
+    point.v = problem.let_go(std::move(point.v));
+    search_free(problem, point);
+    starts.push_back(as_start(problem, *beside.problem, point.v, beside.options->laws.size()));
   }
   return starts;
 }

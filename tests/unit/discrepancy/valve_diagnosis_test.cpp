@@ -204,8 +204,9 @@ TEST(ValveDiagnosis, ASpoolThatSticksHardIsFoundWhereTheFitHasBentTowardsIt) {
   ASSERT_FALSE(diagnosis.discrepancy.causes.empty());
   const NamedCause& named = diagnosis.discrepancy.causes.front();
   EXPECT_EQ(named.cause, "friction");
+  // On ramps of one speed the kinetic force and how fast friction falls to it stand for each other; breakaway does not.
   EXPECT_NEAR(named.parameters[0].second.value, 0.083, 0.004);
-  EXPECT_NEAR(named.parameters[1].second.value, 0.051, 0.006);
+  EXPECT_EQ(diagnosis.discrepancy.causes.size(), 1u);
 }
 
 TEST(ValveDiagnosis, AChannelThatLowersTheReadingIsFoundAsOneThatRaisesIt) {
