@@ -328,9 +328,10 @@ void fit_jointly(const std::vector<const Tested*>& entering, const Explanation& 
   std::vector<VectorXd> places;
   if (bent) places = {beside.v, at_population_mean(beside)};
   for (const Tested* tested : entering) {
-    const std::vector<JointStart> starts = bent && makes_stick(tested->fit.law, beside)
-                                               ? slip_starts(beside, tested->fit.law, places.back())
-                                               : joint_starts(*tested, beside, places);
+    std::vector<JointStart> starts = joint_starts(*tested, beside, places);
+    if (bent && makes_stick(tested->fit.law, beside)) {
+      for (JointStart& start : slip_starts(beside, tested->fit.law, places.back())) starts.push_back(std::move(start));
+    }
     joint.racing.push_back(tested);
     joint.fitted.push_back(
         extend(beside, tested->fit, kJointSteps, joint.lowest - kInTheRace * joint.inflation, starts));
