@@ -22,6 +22,9 @@ constexpr std::size_t kBlocksPerRecording = 4;
 constexpr std::size_t kFewestRecordings = 3;
 constexpr int kBootstraps = 400;
 
+// Of a search without one recording, which begins where that with it ended.
+constexpr int kRoughSteps = 4;
+
 /// Rows [first, last) of one recording.
 struct Fold {
   std::size_t recording = 0;
@@ -55,6 +58,7 @@ class Refit {
       problem.accumulate(rows_.back(), 0, rows_.back().error.size(), r, normal_);
     }
     problem.add_penalty(explanation.v, normal_);
+    is_rough_ = problem.width_at(explanation.v) > 1;
   }
 
   const std::vector<ValveFitProblem::Rows>& rows() const { return rows_; }
@@ -65,6 +69,7 @@ class Refit {
   };
   Without without(std::span<const Fold> folds) const {
     const ValveFitProblem& problem = *explanation_.problem;
+    if (is_rough_ && folds.size() == 1 && is_whole(folds.front())) return searched_without(folds.front().recording);
     ValveFitProblem::Normal left_out = empty();
     for (const Fold& fold : folds) {
       problem.accumulate(rows_[fold.recording], fold.first, fold.count, fold.recording, left_out);
@@ -77,8 +82,7 @@ class Refit {
     double squares = 0;
     VectorXd moved = step;
     for (const Fold& fold : folds) {
-      const bool whole = fold.count == rows_[fold.recording].error.size();
-      if (whole) moved.segment(problem.own_at(fold.recording), problem.own()).setZero();
+      if (is_whole(fold)) moved.segment(problem.own_at(fold.recording), problem.own()).setZero();
       squares += rows_[fold.recording].error.segment(fold.first, fold.count).squaredNorm();
     }
     const double change = step.dot(a * step) - 2 * b.dot(step);
@@ -87,6 +91,18 @@ class Refit {
   }
 
  private:
+  bool is_whole(const Fold& fold) const { return fold.count == rows_[fold.recording].error.size(); }
+
+  /// Where the cost is rough one linear step is no refit: down again from where the whole fit ended.
+  Without searched_without(std::size_t recording) const {
+    ValveFitProblem problem(*explanation_.problem, *explanation_.options);
+    problem.leave_out(recording);
+    Descent found = descend(problem, explanation_.v, kRoughSteps);
+    found.v.segment(problem.own_at(recording), problem.own()) =
+        explanation_.v.segment(problem.own_at(recording), problem.own());
+    return {std::move(found.v), found.cost};
+  }
+
   /// The step to the minimum within the bounds: an entry that would pass its bound stops there, the others make up for
   /// it.
   VectorXd bounded_step(const MatrixXd& a, const VectorXd& b) const {
@@ -125,6 +141,7 @@ class Refit {
   const Explanation& explanation_;
   std::vector<ValveFitProblem::Rows> rows_;
   ValveFitProblem::Normal normal_;
+  bool is_rough_ = false;
 };
 
 /// Measured − simulated of a vector on a fold.
@@ -306,44 +323,60 @@ std::array<double, 2> bootstrap_interval(const std::vector<FoldScore>& scores) {
   return {reductions[kBootstraps / 40], reductions[kBootstraps - 1 - kBootstraps / 40]};
 }
 
-}  // namespace
+/// Every fold with what it was compared by.
+struct Measured {
+  bool whole = false;  ///< folds are recordings
+  std::vector<Fold> folds;
+  std::vector<FoldScore> scores;
+  std::vector<VectorXd> errors;  ///< of the baseline
+};
 
-DiscrepancyGain measure_gain(const Explanation& baseline, const Explanation& extended) {
+Measured measure(const Explanation& baseline, const Explanation& extended, const Refit& before, const Refit& after) {
   // What has an instant or a phase of its own in every recording cannot be foretold for one that was left out.
   const bool in_one = std::any_of(extended.laws.begin(), extended.laws.end(), [](const LawFit& law) {
     return law.law.recording || law.law.own() > 0 || law.law.law->family == "disturbance";
   });
-  const Refit before(baseline), after(extended);
-  const bool whole = !in_one && before.rows().size() >= kFewestRecordings;
-  const std::vector<Fold> folds = folds_of(before.rows(), whole);
-  std::vector<FoldScore> scores;
-  std::vector<VectorXd> errors;
-  double floor = 0, samples = 0;
-  for (const Fold& fold : folds) {
+  Measured measured{.whole = !in_one && before.rows().size() >= kFewestRecordings};
+  measured.folds = folds_of(before.rows(), measured.whole);
+  for (const Fold& fold : measured.folds) {
     Compared compared = compare(baseline, extended, before, after, std::span(&fold, 1));
-    scores.push_back({compared.baseline.squaredNorm(), compared.extended, static_cast<double>(fold.count)});
-    errors.push_back(std::move(compared.baseline));
-    floor += scores.back().samples / baseline.problem->inverse_variance(fold.recording);
-    samples += scores.back().samples;
+    measured.scores.push_back({compared.baseline.squaredNorm(), compared.extended, static_cast<double>(fold.count)});
+    measured.errors.push_back(std::move(compared.baseline));
   }
-  DiscrepancyGain gain{.heldout = whole ? "each recording in turn" : "each later quarter of a recording in turn",
-                       .rmse_black_box = std::numeric_limits<double>::quiet_NaN()};
-  if (scores.empty() || samples == 0) return gain;
-  std::vector<std::size_t> all(scores.size());
-  std::iota(all.begin(), all.end(), 0);
-  double squares_baseline = 0, squares_extended = 0;
-  for (const FoldScore& score : scores) {
+  return measured;
+}
+
+}  // namespace
+
+DiscrepancyGain measure_gain(const Explanation& baseline, const Explanation& extended) {
+  const Refit before(baseline), after(extended);
+  const Measured measured = measure(baseline, extended, before, after);
+  DiscrepancyGain gain{
+      .heldout = measured.whole ? "each recording in turn" : "each later quarter of a recording in turn",
+      .rmse_black_box = std::numeric_limits<double>::quiet_NaN()};
+  double squares_baseline = 0, squares_extended = 0, floor = 0, samples = 0;
+  for (std::size_t f = 0; f < measured.folds.size(); ++f) {
+    const FoldScore& score = measured.scores[f];
     squares_baseline += score.baseline;
     squares_extended += score.extended;
+    floor += score.samples / baseline.problem->inverse_variance(measured.folds[f].recording);
+    samples += score.samples;
   }
+  if (samples == 0) return gain;
   gain.rmse_baseline = std::sqrt(squares_baseline / samples);
   gain.rmse_extended = std::sqrt(squares_extended / samples);
-  gain.rmse_black_box = std::sqrt(black_box_squares(baseline, before, folds, errors) / samples);
+  gain.rmse_black_box = std::sqrt(black_box_squares(baseline, before, measured.folds, measured.errors) / samples);
   gain.noise_floor = std::sqrt(floor / samples);
-  gain.reduction = reduction_of(scores, all);
-  gain.reduction_ci95 = bootstrap_interval(scores);
-  if (whole) gain.transfer = transfers(baseline, extended, before, after, folds);
+  gain.reduction = squares_baseline > 0 ? 1 - std::sqrt(squares_extended / squares_baseline) : 0;
+  gain.reduction_ci95 = bootstrap_interval(measured.scores);
+  if (measured.whole) gain.transfer = transfers(baseline, extended, before, after, measured.folds);
   return gain;
+}
+
+bool is_borne_out(const Explanation& baseline, const Explanation& extended) {
+  const Refit before(baseline), after(extended);
+  const Measured measured = measure(baseline, extended, before, after);
+  return !measured.scores.empty() && bootstrap_interval(measured.scores).front() > 0;
 }
 
 }  // namespace valvetriage

@@ -20,4 +20,8 @@ namespace valvetriage {
 ///                 kind only or a law acts in one recording alone
 DiscrepancyGain measure_gain(const Explanation& baseline, const Explanation& extended);
 
+/// Whether recordings that took no part in its fit bear an explanation out: the lower end of the 95 % interval of what
+/// it gains on them is above nothing.
+bool is_borne_out(const Explanation& baseline, const Explanation& extended);
+
 }  // namespace valvetriage

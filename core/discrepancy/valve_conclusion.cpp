@@ -11,6 +11,7 @@
 #include "core/discrepancy/advise.h"
 #include "core/discrepancy/evidence.h"
 #include "core/discrepancy/heldout.h"
+#include "core/residual/noise_floor.h"
 
 namespace valvetriage {
 namespace {
@@ -362,11 +363,17 @@ std::vector<Candidate> candidates_of(const SearchedValve& searched, const Discre
 }  // namespace
 
 double noise_cost(const Explanation& explanation) {
-  double samples = 0;
-  for (std::size_t r = 0; r < explanation.problem->recordings(); ++r) {
-    samples += static_cast<double>(explanation.problem->recording(r).samples());
+  const ValveFitProblem& problem = *explanation.problem;
+  double cost = 0;
+  for (std::size_t r = 0; r < problem.recordings(); ++r) {
+    // What a disturbance adds to a recording that stands still counted as its noise until it was explained.
+    Recording left = problem.recording(r);
+    const std::vector<double> simulated = problem.simulate(explanation.v, r);
+    for (std::size_t i = 0; i < simulated.size(); ++i) left.output.values[i] -= simulated[i];
+    const double variance = std::pow(noise_floor(left).rms, 2) * problem.inverse_variance(r);
+    cost += static_cast<double>(left.samples()) * std::min(variance, 1.0);
   }
-  return std::min(samples, explanation.cost);
+  return std::min(cost, explanation.cost);
 }
 
 ValveDiagnosis conclude(const SearchedValve& searched, const ValveDiagnosisOptions& options) {

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "core/discrepancy/evidence.h"
+#include "core/discrepancy/heldout.h"
 #include "core/discrepancy/slip_search.h"
 #include "core/discrepancy/valve_catalogue.h"
 
@@ -32,9 +33,9 @@ constexpr std::size_t kMostJointFits = 4;
 constexpr double kLeastForecast = 0.05;
 constexpr double kInTheRace = 30;
 constexpr std::size_t kGoodValveJointFits = 3;
-// 2 ln of the instants or tones tried: a search over more than fifty of them.
+// A search that noise alone gives this much takes more than fifty instants or tones.
 constexpr double kLongSearch = 8;
-constexpr int kJointSteps = 12;
+constexpr int kJointSteps = 40;
 constexpr std::size_t kMostStarts = 16;
 // The start that simulates best is not always the one whose fit ends best.
 constexpr std::size_t kStartsFromPlace = 2;
@@ -53,16 +54,13 @@ constexpr Index kWideLoop = 3, kNarrowLoop = 7;
 
 /// The size of an explanation's last law.
 double size_in(const Explanation& explanation) {
-  const std::size_t last = explanation.laws.size() - 1;
-  const std::vector<double> parameters = explanation.problem->law_parameters(explanation.v, last, 0);
-  const std::size_t at = explanation.laws[last].law.law->size_parameter;
+  const std::vector<double> parameters = explanation.parameters_of_last();
+  const std::size_t at = explanation.laws.back().law.law->size_parameter;
   return at < parameters.size() ? parameters[at] : 1;
 }
 
 Index slowest_of(const Explanation& explanation) {
-  const std::size_t last = explanation.laws.size() - 1;
-  return slowest_rows(*explanation.problem, explanation.laws[last].law,
-                      explanation.problem->law_parameters(explanation.v, last, 0));
+  return slowest_rows(*explanation.problem, explanation.laws.back().law, explanation.parameters_of_last());
 }
 
 /// Whether a change at an instant went as near to an end of its recording as it may.
@@ -208,17 +206,6 @@ std::vector<const Tested*> late_entries(const std::string& cause, const Survey& 
   return late;
 }
 
-/// Laws that make the spool stick and have not been in the race: what a bent fit forecasts of slips is nothing.
-std::vector<const Tested*> sticking_entries(const Survey& survey, const Explanation& beside,
-                                            const std::vector<const Tested*>& racing) {
-  std::vector<const Tested*> sticking;
-  for (const Tested& tested : survey.tested) {
-    const bool is_known = std::find(racing.begin(), racing.end(), &tested) != racing.end();
-    if (!is_known && makes_stick(tested.fit.law, beside)) sticking.push_back(&tested);
-  }
-  return sticking;
-}
-
 /// ln likelihood of an explanation, tempered; each parameter pays the half logarithm of the samples that count.
 double log_likelihood(double cost, Index freedoms, double inflation, double samples) {
   return -0.5 * cost / inflation - 0.5 * static_cast<double>(freedoms) * std::log(std::max(samples / inflation, 2.0));
@@ -296,9 +283,16 @@ double rank_of(const Tested& tested, double reduction, std::span<const CauseOnGo
 /// The laws that the survey leaves in the race, each fitted together with the valve.
 struct JointFits {
   std::vector<const Tested*> racing;
-  std::vector<Explanation> fitted;  ///< in the order of `racing`
-  double lowest = 0;                ///< cost of the best of them, or of what they stand beside
-  double inflation = 1;             ///< of the noise, by the best of them
+  std::vector<Explanation> fitted;     ///< in the order of `racing`
+  double lowest = 0;                   ///< cost of the best of them, or of what they stand beside
+  double inflation = 1;                ///< of the noise, by the best of them
+  std::vector<std::string> borne_out;  ///< causes that recordings left out of the fit have confirmed
+
+  void compare(const Explanation& with) {
+    if (with.cost >= lowest) return;
+    lowest = with.cost;
+    inflation = noise_inflation(whitened_residual(with));
+  }
 };
 
 /// Where a law's joint fit may begin beside where its search ended: from each of the given places of the valve, those
@@ -328,16 +322,30 @@ void fit_jointly(const std::vector<const Tested*>& entering, const Explanation& 
   std::vector<VectorXd> places;
   if (bent) places = {beside.v, at_population_mean(beside)};
   for (const Tested* tested : entering) {
-    std::vector<JointStart> starts = joint_starts(*tested, beside, places);
-    if (bent && makes_stick(tested->fit.law, beside)) {
-      for (JointStart& start : slip_starts(beside, tested->fit.law, places.back())) starts.push_back(std::move(start));
-    }
     joint.racing.push_back(tested);
-    joint.fitted.push_back(
-        extend(beside, tested->fit, kJointSteps, joint.lowest - kInTheRace * joint.inflation, starts));
-    if (joint.fitted.back().cost >= joint.lowest) continue;
-    joint.lowest = joint.fitted.back().cost;
-    joint.inflation = noise_inflation(whitened_residual(joint.fitted.back()));
+    joint.fitted.push_back(extend(beside, tested->fit, kJointSteps, joint.lowest - kInTheRace * joint.inflation,
+                                  joint_starts(*tested, beside, places)));
+    joint.compare(joint.fitted.back());
+  }
+}
+
+/// Laws that make the spool stick, from what its slips show: in free runs a slip more or less hides where they belong,
+/// and what a bent fit forecasts of them is nothing, whatever it promises.
+void fit_from_slips(const Survey& survey, const Explanation& beside, JointFits& joint) {
+  const VectorXd place = at_population_mean(beside);
+  for (const Tested& tested : survey.tested) {
+    if (!makes_stick(tested.fit.law, beside)) continue;
+    Explanation fitted = extend(beside, tested.fit, kJointSteps, joint.lowest - kInTheRace * joint.inflation,
+                                slip_starts(beside, tested.fit.law, place));
+    joint.compare(fitted);
+    const auto known = std::find(joint.racing.begin(), joint.racing.end(), &tested);
+    if (known == joint.racing.end()) {
+      joint.racing.push_back(&tested);
+      joint.fitted.push_back(std::move(fitted));
+    } else if (Explanation& before = joint.fitted[static_cast<std::size_t>(known - joint.racing.begin())];
+               fitted.cost < before.cost) {
+      before = std::move(fitted);
+    }
   }
 }
 
@@ -357,8 +365,7 @@ Ranked ranked_fit(const Tested& tested, double cost_beside, const Stack& error, 
   r.penalty = fitted.cost - contest.weight * squares_of(r.residual);
   const double size = with_own(*tested.fit.law.law, size_in(fitted), fitted.v, options.fit);
   r.p_value = p_value_of(tested, r.evidence, size, options);
-  const LawInFit& law = fitted.laws.back().law;
-  const bool is_there = !is_at_an_end(law, fitted.problem->law_parameters(fitted.v, fitted.laws.size() - 1, 0));
+  const bool is_there = !is_at_an_end(fitted.laws.back().law, fitted.parameters_of_last());
   r.stands_out = is_there && is_beyond_noise(tested, r.evidence) && laws * r.p_value <= kFalseAlarm;
   return r;
 }
@@ -400,11 +407,27 @@ void enter(Contest& contest, const JointFits& joint, const LinearisedValve& line
   }
 }
 
+/// As settle. Free runs that stick can be laid through any noise, a slip sooner or later: what makes the spool stick
+/// wins only if recordings that were left out of its fit bear it out.
+void settle_borne_out(Contest& contest, JointFits& joint, const Explanation& beside, double laws) {
+  for (settle(contest, laws); !contest.cause.empty(); settle(contest, laws)) {
+    const auto won = std::find_if(joint.racing.begin(), joint.racing.end(),
+                                  [&](const Tested* tested) { return tested->cause() == contest.cause; });
+    if (won == joint.racing.end() || !makes_stick((*won)->fit.law, beside)) return;
+    if (std::find(joint.borne_out.begin(), joint.borne_out.end(), contest.cause) != joint.borne_out.end()) return;
+    if (is_borne_out(beside, joint.fitted[static_cast<std::size_t>(won - joint.racing.begin())])) {
+      joint.borne_out.push_back(contest.cause);
+      return;
+    }
+    for (Ranked& entry : contest.entries) entry.stands_out &= entry.cause != contest.cause;
+  }
+}
+
 /// Whether the fit has bent towards a fault: it leaves a residual far slower than noise, or it had to go where good
 /// valves are not.
-bool is_bent(const LinearisedValve& linear, const Explanation& beside) {
+bool is_bent(double inflation, const Explanation& beside) {
   const double freedoms = static_cast<double>(beside.problem->baseline_size());
-  return noise_inflation(linear.error()) > kBent ||
+  return inflation > kBent ||
          beside.problem->penalty(beside.v) > freedoms + kFarFromGoodValves * std::sqrt(2 * freedoms);
 }
 
@@ -471,7 +494,8 @@ Survey survey_laws(const LinearisedValve& fit, const ValveFitOptions& options) {
 Contest hold_contest(const Explanation& beside, const ValveDiagnosisOptions& options) {
   Contest contest;
   const LinearisedValve linear(*beside.problem, beside.v);
-  const bool bent = is_bent(linear, beside);
+  const double inflation = noise_inflation(linear.error());
+  const bool bent = is_bent(inflation, beside);
   contest.survey = survey_all(linear, beside, bent, options);
   const double laws = static_cast<double>(contest.survey.tested.size());
   contest.samples = linear.samples();
@@ -483,16 +507,17 @@ Contest hold_contest(const Explanation& beside, const ValveDiagnosisOptions& opt
   if (bent) {
     const std::string leading(joint.racing.front()->cause());
     fit_jointly(late_entries(leading, contest.survey, joint.racing), beside, bent, joint);
-    fit_jointly(sticking_entries(contest.survey, beside, joint.racing), beside, bent, joint);
+    const double left = joint.lowest < beside.cost ? joint.inflation : inflation;
+    if (left > kBent) fit_from_slips(contest.survey, beside, joint);
   }
   enter(contest, joint, linear, beside, options);
-  settle(contest, laws);
+  settle_borne_out(contest, joint, beside, laws);
   if (!contest.cause.empty()) {
     const auto late = late_entries(contest.cause, contest.survey, joint.racing);
     if (!late.empty()) {
       fit_jointly(late, beside, true, joint);
       enter(contest, joint, linear, beside, options);
-      settle(contest, laws);
+      settle_borne_out(contest, joint, beside, laws);
     }
   }
   for (Explanation& fitted : joint.fitted) {

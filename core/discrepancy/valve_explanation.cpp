@@ -1,6 +1,7 @@
 #include "core/discrepancy/valve_explanation.h"
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -14,6 +15,8 @@ using Eigen::VectorXd;
 constexpr int kIterationsAtATime = 4;
 // Where several starts compete; the others end up at the same place or far from it.
 constexpr int kScoutIterations = 3;
+// A descent gains less and less: no more than this many times what it gained last.
+constexpr double kMoreToGain = 3;
 // A quarter of a noise variance in 24,000 samples: far below what any decision turns on.
 constexpr double kSmallestGain = 1e-5;
 // Parts of a recording that a law's error may differ between.
@@ -113,28 +116,28 @@ Explanation extend(const Explanation& explanation, const LawFit& law, int most_i
   // The linear forecast of where the valve moves may overshoot; the valve where it stood is the other start.
   const VectorXd moved = start_at(law.baseline, law.parameters);
   const VectorXd stayed = start_at(explanation.v, law.parameters);
-  extended.v = problem.cost(moved) < problem.cost(stayed) ? moved : stayed;
-  extended.cost = std::numeric_limits<double>::infinity();
+  std::vector<Descent> scouts{descent_from(problem, problem.cost(moved) < problem.cost(stayed) ? moved : stayed)};
+  for (const JointStart& other : others) {
+    scouts.push_back(descent_from(problem, start_at(other.baseline, other.parameters)));
+    if (other.in_its_valley) scouts.back().width = 1;
+  }
   int done = 0;
-  if (!others.empty()) {
-    Descent best = descend(problem, extended.v, kScoutIterations, kSmallestGain);
-    for (const JointStart& other : others) {
-      Descent descent = descend(problem, start_at(other.baseline, other.parameters), kScoutIterations, kSmallestGain);
-      if (descent.cost < best.cost) best = std::move(descent);
-    }
-    extended.v = std::move(best.v);
-    extended.cost = best.cost;
+  if (scouts.size() > 1) {
+    for (Descent& scout : scouts) scout = descend_on(problem, std::move(scout), kScoutIterations, kSmallestGain);
     done = kScoutIterations;
   }
+  Descent best = *std::min_element(scouts.begin(), scouts.end(),
+                                   [](const Descent& a, const Descent& b) { return a.cost < b.cost; });
+  double before = done > 0 ? best.cost : std::numeric_limits<double>::infinity();
   for (; done < most_iterations; done += kIterationsAtATime) {
-    Descent descent = descend(problem, extended.v, kIterationsAtATime, kSmallestGain);
-    const double gained = extended.cost - descent.cost;
-    extended.v = std::move(descent.v);
-    extended.cost = descent.cost;
-    const double left = static_cast<double>(most_iterations - done) / kIterationsAtATime;
-    if (descent.termination != FitTermination::kIterationLimit) break;
-    if (std::isfinite(gained) && extended.cost - left * gained > hopeless) break;
+    best = descend_on(problem, std::move(best), kIterationsAtATime, kSmallestGain);
+    const double gained = before - best.cost;
+    before = best.cost;
+    if (best.termination != FitTermination::kIterationLimit) break;
+    if (std::isfinite(gained) && best.cost - kMoreToGain * gained > hopeless) break;
   }
+  extended.v = std::move(best.v);
+  extended.cost = best.cost;
   return extended;
 }
 

@@ -18,6 +18,8 @@ struct Explanation {
   std::vector<LawFit> laws;  ///< in the order of options->laws; their parameters as first found, v has the final ones
 
   Explanation copy() const;
+  /// Of the law that came last, fitted together with the others (own ones: the first recording's).
+  std::vector<double> parameters_of_last() const { return problem->law_parameters(v, laws.size() - 1, 0); }
   /// The extended model, laws included.
   Model model() const;
   /// Of every parameter of every law, in order (own ones: the first recording's). The larger of what inflated noise and
@@ -32,6 +34,7 @@ Explanation explain_nothing(std::span<const Recording> recordings, const ValveFi
 struct JointStart {
   Eigen::VectorXd baseline;        ///< as Explanation::v, without the law
   std::vector<double> parameters;  ///< of the law, as LawFit's
+  bool in_its_valley = false;      ///< found in free runs: where those are rough, no secant over wide steps leads away
 };
 /// One more law, everything fitted together from where its search ended, or from another start that is better after a
 /// few iterations. A fit that at its pace would not come down to `hopeless` is ended early.

@@ -20,6 +20,10 @@ using Eigen::VectorXd;
 constexpr double kKnotSpacing_a = 0.025;
 constexpr double kBeyondEnd = 0.25;  // of a spacing
 
+constexpr double kFirstDamping = 1e-3;
+// From one width of differences to the next.
+constexpr double kNarrower = 5;
+
 /// Where the search begins: the population's mean, a given point, or a fan of speeds.
 std::vector<ValveParameters> starting_points(const ValveFitOptions& options, std::span<const Recording> recordings) {
   if (options.prior) return {to_parameters(options.prior->mean, options.reference_psi, options.usual)};
@@ -77,35 +81,43 @@ void make_monotone(VectorXd& v, const MatrixXd& covariance, Index parameters, In
 
 }  // namespace
 
+Descent descent_from(const ValveFitProblem& problem, VectorXd v) {
+  Descent descent{.cost = problem.cost(v), .damping = kFirstDamping, .width = problem.width_at(v)};
+  descent.v = std::move(v);
+  return descent;
+}
+
 Descent descend(const ValveFitProblem& problem, VectorXd v, int most_iterations, double smallest_gain) {
+  return descend_on(problem, descent_from(problem, std::move(v)), most_iterations, smallest_gain);
+}
+
+Descent descend_on(const ValveFitProblem& problem, Descent descent, int most_iterations, double smallest_gain) {
   constexpr int kMostAttempts = 8;
-  Descent descent{.v = std::move(v)};
-  descent.cost = problem.cost(descent.v);
-  double damping = 1e-3;
-  for (; descent.iterations < most_iterations; ++descent.iterations) {
-    const ValveFitProblem::Normal normal = problem.linearise(descent.v);
+  if (descent.termination != FitTermination::kIterationLimit) return descent;
+  for (int i = 0; i < most_iterations; ++i, ++descent.iterations) {
+    const ValveFitProblem::Normal normal = problem.linearise(descent.v, descent.width);
     const double before = descent.cost;
     for (int attempt = 0; attempt < kMostAttempts && descent.cost == before; ++attempt) {
       MatrixXd a = normal.a;
-      a.diagonal() *= 1 + damping;
+      a.diagonal() *= 1 + descent.damping;
       const VectorXd tried = problem.clamped(descent.v + a.ldlt().solve(normal.b));
       const double cost = problem.cost(tried);
       if (std::isfinite(cost) && cost < before) {
         descent.v = tried;
         descent.cost = cost;
-        damping = std::max(damping / 5, 1e-9);
+        descent.damping = std::max(descent.damping / 5, 1e-9);
       } else {
-        damping *= 8;
+        descent.damping *= 8;
       }
     }
-    if (descent.cost == before) {
-      descent.termination = FitTermination::kNoDescent;
-      return descent;
+    if (before - descent.cost >= smallest_gain * before) continue;
+    if (descent.width > 1) {
+      descent.width = std::max(1.0, descent.width / kNarrower);
+      descent.damping = kFirstDamping;
+      continue;
     }
-    if (before - descent.cost < smallest_gain * before) {
-      descent.termination = FitTermination::kConverged;
-      return descent;
-    }
+    descent.termination = descent.cost == before ? FitTermination::kNoDescent : FitTermination::kConverged;
+    return descent;
   }
   return descent;
 }

@@ -648,7 +648,7 @@ void ValveFitProblem::output_tangents(const VectorXd& v, std::size_t recording, 
   }
 }
 
-ValveFitProblem::Rows ValveFitProblem::rows(const VectorXd& v, std::size_t recording) const {
+ValveFitProblem::Rows ValveFitProblem::rows(const VectorXd& v, std::size_t recording, double width) const {
   const Recording& measured = *prepared_[recording].recording;
   const Columns columns(*this, v, recording);
   Rows rows;
@@ -668,14 +668,16 @@ ValveFitProblem::Rows ValveFitProblem::rows(const VectorXd& v, std::size_t recor
     const std::size_t at = rows.sample[static_cast<std::size_t>(i)];
     rows.error(i) = whiten * (measured.output.values[at] - columns.base().output[at]);
   }
-  const auto inward = [&](Index j) { return v(j) + step_(j) > upper_(j) ? -step_(j) : step_(j); };
-  for (Index j = 0; j < kParameters; ++j) keep(j, columns.of(j, inward(j)));
+  const auto inward = [&](double at, double step, double upper) { return at + step > upper ? -step : step; };
+  for (Index j = 0; j < kParameters; ++j) keep(j, columns.of(j, inward(v(j), width * step_(j), upper_(j))));
   for (Index k = 0; k < knots_; ++k) {
     if (columns.uses_knot(k)) keep(kParameters + k, columns.of_knot(k));
   }
 
   const Index own = own_at(recording);
-  const double start_step[kStarts] = {1e-5, 1e-5, 1e-3, v(own + kMemory) > 0 ? -0.01 : 0.01};
+  const double memory_step = 0.01 * width;
+  const double start_step[kStarts] = {1e-5 * width, 1e-5 * width, 1e-3 * width,
+                                      v(own + kMemory) > 0 ? -memory_step : memory_step};
   for (Index s = 0; s < kStarts; ++s) keep(shared() + s, columns.of(own + s, start_step[s]));
   for (std::size_t l = 0; l < options_.laws.size(); ++l) {
     const LawInFit& law = options_.laws[l];
@@ -685,7 +687,7 @@ ValveFitProblem::Rows ValveFitProblem::rows(const VectorXd& v, std::size_t recor
       const auto offset = static_cast<Index>(is_shared ? j : j - law.shared());
       const Index entry = is_shared ? law_at_[l] + offset : own + law_own_at_[l] + offset;
       if (law.step[j] == 0) continue;  // a whole number: searched, not varied
-      const double step = v(entry) + law.step[j] > law.upper[j] ? -law.step[j] : law.step[j];
+      const double step = inward(v(entry), width * law.step[j], law.upper[j]);
       keep(is_shared ? entry : shared() + law_own_at_[l] + offset, columns.of(entry, step));
     }
   }
@@ -711,10 +713,10 @@ void ValveFitProblem::accumulate(const Rows& rows, Index first, Index count, std
   normal.b.segment(own, own_) += b.tail(own_);
 }
 
-ValveFitProblem::Normal ValveFitProblem::linearise(const VectorXd& v) const {
+ValveFitProblem::Normal ValveFitProblem::linearise(const VectorXd& v, double width) const {
   Normal normal{MatrixXd::Zero(size(), size()), VectorXd::Zero(size())};
   for (std::size_t r = 0; r < prepared_.size(); ++r) {
-    const Rows of_recording = rows(v, r);
+    const Rows of_recording = rows(v, r, width);
     accumulate(of_recording, 0, of_recording.error.size(), r, normal);
   }
   add_penalty(v, normal);

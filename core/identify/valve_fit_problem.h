@@ -19,6 +19,9 @@ class ValveFitProblem {
  public:
   static constexpr Eigen::Index kParameters = static_cast<Eigen::Index>(kValveParameters.size());
   static constexpr Eigen::Index kStarts = 4;
+  /// Of a usual step, where the cost is rough: 1 % of a frequency, 0.1 mA of a loop, 1 % of the input range of a law,
+  /// half the range of a memory.
+  static constexpr double kWide = 100;
 
   /// Both must outlive the problem.
   ValveFitProblem(std::span<const Recording> recordings, const ValveFitOptions& options);
@@ -69,6 +72,9 @@ class ValveFitProblem {
                                std::span<const double> parameters) const;
   /// Whether its laws make the spool stick at v.
   bool sticks(const Eigen::VectorXd& v) const { return blocks_of(v, 0).friction.breakaway_a > 0; }
+  /// How many times their usual steps the differences of a search at v are taken over. Free runs that stick are rough:
+  /// they jump wherever one slip more or less decides, and only a secant over many slips tells where the cost falls.
+  double width_at(const Eigen::VectorXd& v) const { return prepared_.front().rests.empty() && sticks(v) ? kWide : 1; }
   /// From now on a spool with dry friction begins every slip where the measured one, by the valve at v, rested: its
   /// runs are one slip ahead of the data instead of free. Each recording weighs by what v leaves of it, an error as
   /// slow as the volume, so that one whose slips are still wrong does not bend the valve.
@@ -77,6 +83,8 @@ class ValveFitProblem {
   std::vector<Slip> slips(const Eigen::VectorXd& v) const;
   /// Runs are free again, weighed by noise. Returns v with the spools' first places where the rests have them.
   Eigen::VectorXd let_go(Eigen::VectorXd v);
+  /// From now on a recording weighs nothing.
+  void leave_out(std::size_t recording) { prepared_[recording].inverse_variance = 0; }
   /// What a law may look at in one recording.
   LawContext context(const Eigen::VectorXd& v, std::size_t recording) const;
   bool acts(const LawInFit& law, std::size_t recording) const { return !law.recording || *law.recording == recording; }
@@ -88,14 +96,14 @@ class ValveFitProblem {
     Eigen::VectorXd error;            ///< measured − simulated
     std::vector<std::size_t> sample;  ///< of each row
   };
-  Rows rows(const Eigen::VectorXd& v, std::size_t recording) const;
+  Rows rows(const Eigen::VectorXd& v, std::size_t recording, double width = 1) const;
 
   /// Normal equations, lower and upper half filled.
   struct Normal {
     Eigen::MatrixXd a;
     Eigen::VectorXd b;
   };
-  Normal linearise(const Eigen::VectorXd& v) const;
+  Normal linearise(const Eigen::VectorXd& v, double width = 1) const;
   /// Adds the rows of one recording, or of a part of them.
   void accumulate(const Rows& rows, Eigen::Index first, Eigen::Index count, std::size_t recording,
                   Normal& normal) const;
@@ -160,10 +168,17 @@ struct Descent {
   double cost = 0;
   int iterations = 0;
   FitTermination termination = FitTermination::kIterationLimit;
+  double damping = 0;
+  double width = 1;  ///< of the differences, see ValveFitProblem::width_at
 };
 
 /// Levenberg-Marquardt with Marquardt's scaling, from v down, until a step lowers the cost by less than `smallest_gain`
-/// of it; the default moves no parameter noticeably.
+/// of it; the default moves no parameter noticeably. Where the cost is rough its slope is taken as a secant over wide
+/// steps, and over narrower ones when those lead no farther.
 Descent descend(const ValveFitProblem& problem, Eigen::VectorXd v, int most_iterations, double smallest_gain = 1e-7);
+/// A descent before its first step.
+Descent descent_from(const ValveFitProblem& problem, Eigen::VectorXd v);
+/// So many steps more of a descent that its limit of steps ended.
+Descent descend_on(const ValveFitProblem& problem, Descent descent, int most_iterations, double smallest_gain = 1e-7);
 
 }  // namespace valvetriage

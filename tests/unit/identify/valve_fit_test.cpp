@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include "core/identify/valve_fit_problem.h"
+#include "core/mechanisms/mechanism.h"
+#include "core/mechanisms/simulate_extended.h"
 #include "tests/unit/identify/valves.h"
 
 namespace valvetriage {
@@ -127,6 +130,35 @@ TEST(MapKnots, OfAnInputThatNeverChangesAreRefused) {
   std::fill(constant.input.values.begin(), constant.input.values.end(), 1.4);
   const std::vector<Recording> recordings{constant};
   EXPECT_FALSE(map_knots(recordings));
+}
+
+TEST(ValveFit, ASpoolThatSticksIsFittedAcrossTheJumpsOfItsFreeRuns) {
+  const test::MadeValve valve;
+  auto recordings = test::session(valve, kNoise_psi, 71);
+  const std::vector<double> knots = *map_knots(recordings);
+  StaticMap map{knots, {}};
+  for (const double knot : knots) map.output.push_back(valve.map(knot));
+  const Model free = to_model(valve.parameters, map);
+  Model sticking = free;
+  sticking.mechanisms.push_back({.cause = "friction", .parameters = {0.020, 0.013, 0.3}});
+  for (Recording& recording : recordings) {
+    const auto with = simulate_extended(sticking, recording, {}), without = simulate_extended(free, recording, {});
+    ASSERT_TRUE(with && without);
+    for (std::size_t i = 0; i < recording.samples(); ++i) recording.output.values[i] += (*with)[i] - (*without)[i];
+  }
+  const LawInFit law{.law = find_mechanism("friction"),
+                     .start = {0.024, 0.0155, 0.3},
+                     .lower = {0, 0, 0.01},
+                     .upper = {0.5, 0.5, 40},
+                     .step = {1e-4, 1e-4, 1e-3}};
+  const ValveFitOptions options{.knots = knots, .reference_psi = 105, .laws = {law}};
+  const ValveFitProblem problem(recordings, options);
+  const Eigen::VectorXd start = problem.start_vector(valve.parameters);
+  const Descent found = descend(problem, start, 40);
+  Descent narrow = descent_from(problem, start);
+  narrow.width = 1;
+  narrow = descend_on(problem, std::move(narrow), 40);
+  EXPECT_LT(found.cost, 0.5 * narrow.cost);
 }
 
 }  // namespace
