@@ -16,19 +16,24 @@ using Eigen::Index;
 
 constexpr std::array<Index, 4> kBlocks{1, 4, 16, 64};
 constexpr std::array<Index, 5> kScoreBlocks{1, 4, 16, 64, 256};
-constexpr Index kGroupBlock = 16;
 constexpr double kBystanders = 0.2;
-constexpr int kFewestBlocks = 12;
 // A few valves may agree by chance: their scatter counts as what three in four such samples stay under.
 constexpr double kQuartile = 0.25;
 
-/// Freedoms of the χ² whose relative scatter is that of good valves' evidence beyond noise; 1 where it is not known.
+/// Freedoms of the χ² whose relative scatter is that of good valves' evidence beyond noise; 1 where it is not known. A
+/// size that scatters about `common_size` standard deviations from none scatters in its square as a non-central χ² of
+/// one freedom does, however alike the few squares seen happen to be.
 double freedoms_of_spread(double mean_beyond_noise, const GoodValveEvidence& good) {
   if (!(good.sd > 0) || !(mean_beyond_noise > 1) || good.valves < 3) return 1;
   const double known = good.valves - 1;
   const boost::math::chi_squared scatter(known);
   const double variance = good.sd * good.sd * known / boost::math::quantile(scatter, kQuartile);
-  return std::max(1.0, 2 * mean_beyond_noise * mean_beyond_noise / variance);
+  const double seen = 2 * mean_beyond_noise * mean_beyond_noise / variance;
+  const double non_centrality = good.common_size * good.common_size;
+  const double possible = std::isfinite(non_centrality)
+                              ? (1 + non_centrality) * (1 + non_centrality) / (1 + 2 * non_centrality)
+                              : std::numeric_limits<double>::infinity();
+  return std::max(1.0, std::min(seen, possible));
 }
 
 }  // namespace
@@ -133,10 +138,8 @@ double good_valve_p_value(const Evidence& evidence, Index freedoms, double noise
   return std::max(by_noise, by_spread);
 }
 
-double size_p_value(double size_from_none, double mean_from_none, double sd, double evidence, int good_valves) {
-  if (!(evidence > 0) || good_valves < 2) return 1;
-  // Evidence is the square of size over error.
-  const double error = std::abs(size_from_none) / std::sqrt(evidence);
+double size_p_value(double size_from_none, double mean_from_none, double sd, double error, int good_valves) {
+  if (!std::isfinite(error) || good_valves < 2) return 1;
   const double spread = sd * std::sqrt(1 + 1.0 / good_valves);
   const double total = std::hypot(spread, error);
   if (!(total > 0)) return 1;
@@ -144,45 +147,6 @@ double size_p_value(double size_from_none, double mean_from_none, double sd, dou
   const double known = std::min(1e6, (good_valves - 1) * std::pow(share, 4));
   const boost::math::students_t student(known);
   return 2 * boost::math::cdf(boost::math::complement(student, std::abs(size_from_none - mean_from_none) / total));
-}
-
-std::vector<LeftoverGroup> leftover_groups(const LinearisedValve& fit, double output_range) {
-  static constexpr std::array<const char*, 6> kNames{"at rest, low", "at rest, middle", "at rest, high",
-                                                     "moving, low",  "moving, middle",  "moving, high"};
-  std::array<double, 6> squares{}, fast{};
-  std::array<int, 6> blocks{};
-  for (std::size_t r = 0; r < fit.error().size(); ++r) {
-    const auto& sample = fit.rows()[r].sample;
-    const auto& output = fit.run(r).output;
-    for (Index first = 0; first + kGroupBlock <= fit.error()[r].size(); first += kGroupBlock) {
-      const std::size_t begin = sample[static_cast<std::size_t>(first)];
-      const std::size_t end = sample[static_cast<std::size_t>(first + kGroupBlock - 1)];
-      const auto [least, most] = std::minmax_element(output.begin() + static_cast<std::ptrdiff_t>(begin),
-                                                     output.begin() + static_cast<std::ptrdiff_t>(end) + 1);
-      const double level = std::clamp(0.5 * (*least + *most) / output_range, 0.0, 0.999);
-      const bool moving = *most - *least > 0.01 * output_range;
-      const std::size_t group = static_cast<std::size_t>(3 * level) + (moving ? 3 : 0);
-      const auto block = fit.error()[r].segment(first, kGroupBlock);
-      const double mean = block.mean();
-      squares[group] += mean * mean * static_cast<double>(kGroupBlock);
-      fast[group] += 0.5 * (block.tail(kGroupBlock - 1) - block.head(kGroupBlock - 1)).squaredNorm() /
-                     static_cast<double>(kGroupBlock - 1);
-      ++blocks[group];
-    }
-  }
-  std::vector<LeftoverGroup> groups;
-  for (std::size_t g = 0; g < squares.size(); ++g) {
-    LeftoverGroup group{.group = kNames[g], .log_ratio = std::numeric_limits<double>::quiet_NaN()};
-    group.blocks = blocks[g];
-    if (blocks[g] >= kFewestBlocks) group.log_ratio = std::log(std::max(squares[g], 1e-12) / std::max(fast[g], 1e-12));
-    groups.push_back(std::move(group));
-  }
-  const double base = std::max(groups.front().log_ratio, 0.0);  // NaN: 0
-  for (LeftoverGroup& group : groups) {
-    group.own_log_ratio = group.log_ratio;
-    group.log_ratio -= base;
-  }
-  return groups;
 }
 
 }  // namespace valvetriage

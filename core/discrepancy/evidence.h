@@ -65,6 +65,8 @@ struct GoodValveEvidence {
   double mean = 0;
   double sd = 0;  ///< between valves; 0 if not known
   int valves = 0;
+  /// The mean size from none over its scatter between valves; infinite where sizes tell nothing of the evidence.
+  double common_size = std::numeric_limits<double>::infinity();
 };
 
 /// Probability that a good valve seems to have as much of a cause: the larger of what noise and what the spread between
@@ -78,7 +80,8 @@ struct GoodValveEvidence {
 /// there is none. `kNoise` is what noise alone gives after the search over the law's instants or frequencies, k the
 /// parameters. What a law takes from the simulation's own bias differs less between valves than the square of one
 /// normal deviate would: m, at least 1, is what their scatter tells (2 (mean / sd)², Satterthwaite, Biometrics
-/// Bulletin 2 (1946) 110), the upper quartile of what n valves say of sd.
+/// Bulletin 2 (1946) 110), the upper quartile of what n valves say of sd. But the square of a normal deviate cannot
+/// differ less than its mean allows: with λ = common_size², m is at most (1 + λ)² / (1 + 2 λ).
 double good_valve_p_value(const Evidence& evidence, Eigen::Index freedoms, double noise_reduction,
                           const GoodValveEvidence& good);
 
@@ -87,19 +90,8 @@ double good_valve_p_value(const Evidence& evidence, Eigen::Index freedoms, doubl
 ///
 /// size_from_none  the size less that of no effect
 /// mean_from_none  the same of good valves' mean
-double size_p_value(double size_from_none, double mean_from_none, double sd, double evidence, int good_valves);
-
-/// How slow a residual is, by groups of like samples: input at rest or moving, by thirds of the output's range.
-///
-/// Values: ln(mean square of block means over what the same samples' own fast noise would give), less the same of the
-/// group at rest at the lowest level. Noise that is coloured everywhere, louder where the output moves (a jittering
-/// clock) or coarse takes no part in it; what depends on the input does. NaN for a group with too few blocks.
-struct LeftoverGroup {
-  std::string group;
-  double log_ratio = 0;
-  double own_log_ratio = 0;  ///< before that of the lowest level at rest is taken off: 0 in white noise
-  int blocks = 0;
-};
-std::vector<LeftoverGroup> leftover_groups(const LinearisedValve& fit, double output_range);
+/// sd              of good valves' sizes
+/// error           standard error of the size
+double size_p_value(double size_from_none, double mean_from_none, double sd, double error, int good_valves);
 
 }  // namespace valvetriage

@@ -180,11 +180,13 @@ Compared compare(const Explanation& baseline, const Explanation& extended, const
 
 constexpr std::array<double, 2> kBoxLags_s{0.03, 0.3};
 constexpr std::array<double, 2> kBoxPlays{0.01, 0.04};  // half widths, of the input's range
-constexpr std::array<double, 3> kBoxRidges{1e-7, 1e-4, 1e-2};
+constexpr std::array<std::size_t, 2> kBoxSteps{1, 4};   // samples
+constexpr std::array<double, 3> kBoxRidges{1e-6, 1e-3, 1e-1};
 constexpr Index kBoxRows = 4000;
 
 /// What remembers the input in one recording: the simulated output, how far it is from two lags of itself, two plays of
-/// the input, the time. One row per row of the linearisation, each column about one in size.
+/// the input, how far the input has come within a few samples, the time. One row per row of the linearisation, each
+/// column about one in size.
 MatrixXd box_states(const Explanation& baseline, std::size_t r, const ValveFitProblem::Rows& rows) {
   const ValveFitProblem& problem = *baseline.problem;
   const Recording& recording = problem.recording(r);
@@ -196,7 +198,7 @@ MatrixXd box_states(const Explanation& baseline, std::size_t r, const ValveFitPr
   lagged.fill(y.front());
   std::array<double, kBoxPlays.size()> played;
   played.fill(u.front());
-  MatrixXd states(rows.error.size(), 2 + static_cast<Index>(kBoxLags_s.size() + kBoxPlays.size()));
+  MatrixXd states(rows.error.size(), 2 + static_cast<Index>(kBoxLags_s.size() + kBoxPlays.size() + kBoxSteps.size()));
   std::size_t row = 0;
   for (std::size_t i = 0; i < y.size() && row < rows.sample.size(); ++i) {
     for (std::size_t k = 0; k < lagged.size(); ++k) {
@@ -213,6 +215,7 @@ MatrixXd box_states(const Explanation& baseline, std::size_t r, const ValveFitPr
     for (std::size_t k = 0; k < played.size(); ++k) {
       states(at, column++) = (u[i] - played[k]) / (kBoxPlays[k] * range);
     }
+    for (const std::size_t back : kBoxSteps) states(at, column++) = (u[i] - u[i - std::min(back, i)]) / range;
     states(at, column) = static_cast<double>(i) / static_cast<double>(y.size()) - 0.5;
   }
   return states;
@@ -223,9 +226,11 @@ MatrixXd box_states(const Explanation& baseline, std::size_t r, const ValveFitPr
 double black_box_squares(const Explanation& baseline, const Refit& before, const std::vector<Fold>& folds,
                          const std::vector<VectorXd>& errors) {
   std::vector<MatrixXd> terms;
-  Index total = 0;
+  Index total = 0, states = 0;
   for (std::size_t r = 0; r < before.rows().size(); ++r) {
-    terms.push_back(polynomials(box_states(baseline, r, before.rows()[r])));
+    const MatrixXd remembered = box_states(baseline, r, before.rows()[r]);
+    states = remembered.cols();
+    terms.push_back(polynomials(remembered));
     total += terms.back().rows();
   }
   const Index step = std::max<Index>(1, total / kBoxRows);
@@ -256,16 +261,21 @@ double black_box_squares(const Explanation& baseline, const Refit& before, const
     all.square += own.square;
     all.right += own.right;
   }
-  std::array<double, kBoxRidges.size() + 1> squares{};
+  // Straight lines alone, and all of it: what bends may not hold where no test has been.
+  const std::array<Index, 2> sizes{1 + states, width};
+  std::array<double, 2 * kBoxRidges.size() + 1> squares{};
   for (std::size_t f = 0; f < folds.size(); ++f) {
     const Normal own = normal_of(folds[f]);
     const MatrixXd square = all.square - own.square;
     const VectorXd right = all.right - own.right;
     squares.back() += errors[f].squaredNorm();
-    for (std::size_t k = 0; k < kBoxRidges.size(); ++k) {
-      const VectorXd weights = ridge(square, right, kBoxRidges[k]);
-      const auto held_out = terms[folds[f].recording].middleRows(folds[f].first, folds[f].count);
-      squares[k] += (errors[f] - held_out * weights).squaredNorm();
+    std::size_t box = 0;
+    for (const Index size : sizes) {
+      const auto held_out = terms[folds[f].recording].block(folds[f].first, 0, folds[f].count, size);
+      for (const double strength : kBoxRidges) {
+        const VectorXd weights = ridge(square.topLeftCorner(size, size), right.head(size), strength);
+        squares[box++] += (errors[f] - held_out * weights).squaredNorm();
+      }
     }
   }
   return *std::min_element(squares.begin(), squares.end());

@@ -152,7 +152,12 @@ void add_instants(const LinearisedValve& fit, const LawInFit& law, std::vector<L
   }
 }
 
-/// A law that acts at one of two places is searched at each of them: `ahead_of_map`, its last parameter, says where.
+/// Its last parameter, a whole number, says whether it acts in the valve's blocks.
+bool acts_at_two_places(const Mechanism& mechanism, const MechanismBounds& bounds) {
+  return mechanism.is_in_blocks && bounds.step.back() == 0;
+}
+
+/// A law that acts at one of two places is searched at each of them.
 void add_places(const LawInFit& law, const MechanismBounds& bounds, std::vector<LawVariant>& variants) {
   for (const double place : {0.0, 1.0}) {
     LawVariant variant{.law = law};
@@ -205,7 +210,7 @@ ValveCatalogue valve_catalogue(const LinearisedValve& fit, const ValveFitOptions
       add_hunting(fit, scales, law, catalogue.variants);
     } else if (mechanism->cause == "intermittent") {
       add_instants(fit, law, catalogue.variants);
-    } else if (mechanism->cause == "extra_lag") {
+    } else if (acts_at_two_places(*mechanism, bounds)) {
       add_places(law, bounds, catalogue.variants);
     } else if (mechanism->cause == "side_input") {
       add_channels(fit, law, bounds, catalogue);

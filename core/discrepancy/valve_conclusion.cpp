@@ -11,6 +11,7 @@
 #include "core/discrepancy/advise.h"
 #include "core/discrepancy/evidence.h"
 #include "core/discrepancy/heldout.h"
+#include "core/discrepancy/leftover.h"
 #include "core/residual/noise_floor.h"
 
 namespace valvetriage {
@@ -22,6 +23,9 @@ constexpr double kSettled = 0.95;
 constexpr double kWorthNaming = 0.03;
 // An extension that leaves more than this share of what was there does not explain it.
 constexpr double kMostLeft = 0.25;
+// What is left beside a name is something to be explained, however fast it is, where it is louder than noise and than
+// any rest by a fifth in the rms. Jitter, lost samples and spikes of a stand stay below.
+constexpr double kLoud = 1.2 * 1.2;
 // A residual at rest this many deviations slower than white noise is not white.
 constexpr double kWhiteAtRest = 5;
 // A tone whose strength differs between recordings by half of it, in the mean square, is no tone of the stand.
@@ -34,58 +38,6 @@ constexpr double kMostHarm = 0.01;
 constexpr double kUnexplainedName = 0.5;
 constexpr double kTwoSided95 = 1.96;
 constexpr int kRefitSteps = 12;
-
-/// What is left beside an explanation, against good valves.
-struct Leftover {
-  double p_value = 1;             ///< in a good valve, over all groups of samples
-  double at_rest_deviations = 0;  ///< of the slowness at rest at the lowest level from that of white noise
-  std::vector<Finding> findings;
-};
-
-Leftover leftover_of(const LinearisedValve& linear, const ValveDiagnosisOptions& options) {
-  Leftover leftover;
-  double smallest = 1;
-  int groups = 0;
-  const std::vector<LeftoverGroup> all_groups = leftover_groups(linear, 2 * options.fit.reference_psi);
-  const auto on_good_valves = [&](const LeftoverGroup& group) {
-    return std::find_if(options.leftovers.begin(), options.leftovers.end(),
-                        [&](const LeftoverOnGoodValves& g) { return g.group == group.group; });
-  };
-  const LeftoverGroup& at_rest = all_groups.front();
-  if (std::isfinite(at_rest.own_log_ratio)) {
-    // Slow noise of the stand itself is there in good valves as well.
-    const auto good = on_good_valves(at_rest);
-    const double usual = good == options.leftovers.end() ? 0 : good->mean;
-    const double between = good == options.leftovers.end() ? 0 : good->sd;
-    leftover.at_rest_deviations =
-        (at_rest.own_log_ratio - usual) / std::hypot(between, std::sqrt(2.0 / at_rest.blocks));
-  }
-  for (const LeftoverGroup& group : std::span(all_groups).subspan(1)) {
-    const auto good = on_good_valves(group);
-    if (!std::isfinite(group.log_ratio) || good == options.leftovers.end() || options.good_valves < 2) continue;
-    ++groups;
-    // ln of a mean of n squares scatters by √(2/n) in itself.
-    const double own = std::sqrt(2.0 / group.blocks);
-    const double between = good->sd * good->sd, within = own * own;
-    const double sd = std::sqrt((between + within) * (1 + 1.0 / options.good_valves));
-    const double t = (group.log_ratio - good->mean) / sd;
-    // Freedoms of a sum of variances: Satterthwaite, Biometrics Bulletin 2 (1946) 110.
-    const double freedoms = std::pow(between + within, 2) /
-                            (between * between / (options.good_valves - 1) + within * within / group.blocks);
-    const boost::math::students_t student(freedoms);
-    const double p = boost::math::cdf(boost::math::complement(student, t));
-    if (p < 0.01) {
-      leftover.findings.push_back({.what = "more slow residual than any good valve leaves",
-                                   .where = group.group,
-                                   .statistic = t,
-                                   .p_value = p,
-                                   .share_of_structured_residual = kUnknown});
-    }
-    smallest = std::min(smallest, p);
-  }
-  leftover.p_value = groups > 0 ? std::min(1.0, smallest * groups) : 1;
-  return leftover;
-}
 
 /// Whether a tone that should be the same in every recording is not: how strong each recording has it, over all of
 /// them together, and by more than noise.
@@ -362,20 +314,6 @@ std::vector<Candidate> candidates_of(const SearchedValve& searched, const Discre
 
 }  // namespace
 
-double noise_cost(const Explanation& explanation) {
-  const ValveFitProblem& problem = *explanation.problem;
-  double cost = 0;
-  for (std::size_t r = 0; r < problem.recordings(); ++r) {
-    // What a disturbance adds to a recording that stands still counted as its noise until it was explained.
-    Recording left = problem.recording(r);
-    const std::vector<double> simulated = problem.simulate(explanation.v, r);
-    for (std::size_t i = 0; i < simulated.size(); ++i) left.output.values[i] -= simulated[i];
-    const double variance = std::pow(noise_floor(left).rms, 2) * problem.inverse_variance(r);
-    cost += static_cast<double>(left.samples()) * std::min(variance, 1.0);
-  }
-  return std::min(cost, explanation.cost);
-}
-
 ValveDiagnosis conclude(const SearchedValve& searched, const ValveDiagnosisOptions& options) {
   const Explanation& explanation = searched.explanation;
   ValveDiagnosis diagnosis;
@@ -384,9 +322,12 @@ ValveDiagnosis conclude(const SearchedValve& searched, const ValveDiagnosisOptio
   const double inflation = noise_inflation(whitened_residual(explanation));
   Leftover leftover = leftover_of(linear, options);
   std::vector<Finding> findings = dependences(searched.baseline);
-  const bool is_left = leftover.p_value < kFalseAlarm || (explanation.laws.empty() && has_certain_line(findings));
+  const double noise = noise_cost(explanation);
   const double there = searched.baseline.cost - noise_cost(searched.baseline);
-  const double remains = std::max(0.0, explanation.cost - noise_cost(explanation));
+  const double remains = std::max(0.0, explanation.cost - noise);
+  const bool is_loud = explanation.cost > kLoud * std::max(noise, leftover.at_rest * linear.samples());
+  const bool is_left =
+      leftover.p_value < kFalseAlarm || (explanation.laws.empty() ? has_certain_line(findings) : is_loud);
   // A disturbance acts at rest as well: what it leaves there that is no white noise is not explained by it.
   const bool is_disturbed = std::any_of(explanation.laws.begin(), explanation.laws.end(),
                                         [](const LawFit& law) { return law.law.law->family == "disturbance"; });

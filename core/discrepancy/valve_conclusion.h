@@ -25,7 +25,4 @@ struct SearchedValve {
 /// and the test that would settle what is left open.
 ValveDiagnosis conclude(const SearchedValve& searched, const ValveDiagnosisOptions& options);
 
-/// What noise alone costs in this session.
-double noise_cost(const Explanation& explanation);
-
 }  // namespace valvetriage

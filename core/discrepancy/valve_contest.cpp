@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <boost/math/distributions/chi_squared.hpp>
+#include <boost/math/distributions/students_t.hpp>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -10,6 +11,7 @@
 
 #include "core/discrepancy/evidence.h"
 #include "core/discrepancy/heldout.h"
+#include "core/discrepancy/leftover.h"
 #include "core/discrepancy/slip_search.h"
 #include "core/discrepancy/valve_catalogue.h"
 
@@ -46,11 +48,21 @@ constexpr double kFarFromGoodValves = 4;
 // A rival that removes this share of what the winner removes is still one (a margin of 1.2, lesson of other machines).
 constexpr double kMargin = 1 / 1.2;
 constexpr double kFamilyMargin = 1 / 1.5;
+// The same margins, of the rms of what is left.
+constexpr double kClearlyMore = 1.2 * 1.2;
+constexpr double kClearlyMoreInFamily = 1.5 * 1.5;
+// What one good valve in a hundred has tells nothing between two causes; what one in twenty leaves is unusual.
+constexpr double kRareInGoodValves = 0.01;
+constexpr double kUsualLeftover = 0.05;
 constexpr double kRivalShare = 0.25;
 constexpr double kRivalInGoodValves = 0.05;
 
 /// Entries of the parameter vector.
 constexpr Index kWideLoop = 3, kNarrowLoop = 7;
+
+std::string cause_of(const Explanation& explanation) {
+  return std::string(explanation.laws.back().law.law->cause);
+}
 
 /// The size of an explanation's last law.
 double size_in(const Explanation& explanation) {
@@ -63,11 +75,8 @@ Index slowest_of(const Explanation& explanation) {
   return slowest_rows(*explanation.problem, explanation.laws.back().law, explanation.parameters_of_last());
 }
 
-/// Whether a change at an instant went as near to an end of its recording as it may.
-bool is_at_an_end(const LawInFit& law, const std::vector<double>& parameters) {
-  if (!law.recording) return false;
-  const double instant_s = parameters[kInstantOf];
-  return instant_s <= law.lower[kInstantOf] || instant_s >= law.upper[kInstantOf];
+bool is_cut_off(const LawInFit& law, const std::vector<double>& parameters) {
+  return law.law->is_cut_off && law.law->is_cut_off(parameters, law.lower, law.upper);
 }
 
 /// What compares with good valves: dry friction, play and magnetic memory do what the valve's own loops do, and a law
@@ -127,22 +136,44 @@ double size_told(const Tested& tested, const Evidence& evidence, double size) {
   return is_told ? size : neutral;
 }
 
+/// How far good valves' sizes lie from none together, in their own scatter. What was searched for at many instants,
+/// tones or levels shows the largest of many chances: its square is no normal deviate's.
+double common_size(const Tested& tested, const CauseOnGoodValves* good) {
+  const Mechanism& law = *tested.fit.law.law;
+  const bool is_known = good && good->size_sd > 0 && std::isfinite(law.neutral);
+  if (!is_known || searched_reduction(tested) >= kLongSearch) return std::numeric_limits<double>::infinity();
+  return std::abs(good->size_mean - law.neutral) / good->size_sd;
+}
+
+/// Whether good valves' sizes say how rare a size is. Where good valves show none, their spread is not known: the
+/// evidence alone tells. So it does for a change in one recording, whose size weighs by how long it lasts.
+bool has_size_in_good_valves(const LawInFit& law, const CauseOnGoodValves* good) {
+  return good && good->size_sd > 0 && (std::isfinite(law.law->neutral) || good->size_mean > 0) && !law.recording;
+}
+
+/// Probability that a good valve has as much of a law by its size, whose standard error is given.
+double p_value_of_size(const Mechanism& law, double size, double error, const CauseOnGoodValves& good, int valves) {
+  const Size own = size_of(law, size, error);
+  const Size usual = size_of(law, good.size_mean, good.size_sd);
+  return size_p_value(own.from_none, usual.from_none, usual.sd, own.sd, valves);
+}
+
 /// By the evidence or by the size, whichever tells more; two tests are paid for. What good valves show at this size as
 /// well is no fault, however surely it is there.
 double p_value_of(const Tested& tested, const Evidence& evidence, double size, const ValveDiagnosisOptions& options) {
   const CauseOnGoodValves* good = on_good_valves(options.causes, tested.cause());
-  const GoodValveEvidence on_good{
-      .mean = good ? good->evidence_mean : 0, .sd = good ? good->evidence_sd : 0, .valves = options.good_valves};
+  const GoodValveEvidence on_good{.mean = good ? good->evidence_mean : 0,
+                                  .sd = good ? good->evidence_sd : 0,
+                                  .valves = options.good_valves,
+                                  .common_size = common_size(tested, good)};
   const double by_evidence = good_valve_p_value(evidence, tested.fit.freedoms, tested.noise_reduction, on_good);
-  // Where good valves show none, their spread is not known: the evidence alone tells. So it does for a change in one
-  // recording, whose size weighs by how long it lasts.
-  const bool is_comparable = std::isfinite(tested.fit.law.law->neutral) || (good && good->size_mean > 0);
-  const bool has_size = good && good->size_sd > 0 && is_comparable && !tested.fit.law.recording;
-  if (!has_size) return by_evidence;
-  const Size own = size_of(*tested.fit.law.law, size, 0);
-  const Size usual = size_of(*tested.fit.law.law, good->size_mean, good->size_sd);
-  const double by_size = size_p_value(own.from_none, usual.from_none, usual.sd,
-                                      evidence.value - searched_reduction(tested), options.good_valves);
+  if (!has_size_in_good_valves(tested.fit.law, good)) return by_evidence;
+  // Evidence is the square of size over error.
+  const double beyond_search = evidence.value - searched_reduction(tested);
+  if (!(beyond_search > 0)) return 1;
+  const Mechanism& law = *tested.fit.law.law;
+  const double from_none = std::isfinite(law.neutral) ? std::abs(size - law.neutral) : std::abs(size);
+  const double by_size = p_value_of_size(law, size, from_none / std::sqrt(beyond_search), *good, options.good_valves);
   if (by_size > kLikeGoodValves) return 1;
   return std::min(1.0, 2 * std::min(by_evidence, by_size));
 }
@@ -250,18 +281,55 @@ void normalise(const std::string& winner, std::vector<Ranked>& ranked) {
                    [](const Ranked& a, const Ranked& b) { return a.probability > b.probability; });
 }
 
+/// The joint fit of a cause; null where there is none.
+const Explanation* fit_of(std::string_view cause, std::span<const Explanation> fitted) {
+  const auto found =
+      std::find_if(fitted.begin(), fitted.end(), [&](const Explanation& fit) { return cause_of(fit) == cause; });
+  return found == fitted.end() ? nullptr : &*found;
+}
+
+/// How much of the evidence between two causes good valves differ by, in noise variances: Student's t of their scatter.
+double scatter_between(const Ranked& a, const Ranked& b, const ValveDiagnosisOptions& options) {
+  double variance = 0;
+  for (const Ranked* r : {&a, &b}) {
+    if (const CauseOnGoodValves* good = on_good_valves(options.causes, r->cause))
+      variance += std::pow(good->evidence_sd, 2);
+  }
+  if (!(variance > 0) || options.good_valves < 2) return 0;
+  const double n = options.good_valves;
+  const boost::math::students_t student(n - 1);
+  return boost::math::quantile(boost::math::complement(student, kRareInGoodValves)) * std::sqrt(variance * (1 + 1 / n));
+}
+
+/// Whether a winner leaves nothing that good valves do not leave.
+bool leaves_the_usual(const Explanation& winner, const ValveDiagnosisOptions& options) {
+  return leftover_of(LinearisedValve(*winner.problem, winner.v), options).p_value > kUsualLeftover;
+}
+
 /// A fitted law is never the whole physics: where a rival removes nearly as much of the cost, or ranks above,
-/// likelihood alone does not settle the name. Such rivals keep a share of the probability. Laws of one family look
-/// alike and differ in what a baseline without a good valve's own friction gets wrong first: between them it takes
-/// more.
-void keep_margins(const std::string& winner, std::vector<Ranked>& ranked) {
-  const auto won = std::find_if(ranked.begin(), ranked.end(), [&](const Ranked& r) { return r.cause == winner; });
-  const double reduction = won->reduction;
+/// likelihood alone does not settle the name, and such rivals keep a share of the probability. What the law gets wrong
+/// shows in what it leaves: a rival is out where the evidence against it is beyond what good valves differ by, and it
+/// leaves clearly more than the winner or the winner leaves nothing unusual. Laws of one family look alike and differ
+/// in what a baseline without a good valve's own friction gets wrong first: between them it takes more.
+void keep_margins(Contest& contest, std::span<const Explanation> fitted, const ValveDiagnosisOptions& options) {
+  std::vector<Ranked>& ranked = contest.ranked;
+  const Ranked won =
+      *std::find_if(ranked.begin(), ranked.end(), [&](const Ranked& r) { return r.cause == contest.cause; });
+  std::optional<bool> usual;
+  const auto is_out = [&](const Ranked& r, double clearly_more) {
+    const double against = 2 * (won.log_likelihood - r.log_likelihood);
+    if (against < kLeastEvidence + scatter_between(won, r, options)) return false;
+    if (won.left + won.reduction - r.reduction > clearly_more * won.left) return true;
+    const Explanation* fit = fit_of(won.cause, fitted);
+    if (!usual) usual = fit && leaves_the_usual(*fit, options);
+    return *usual;
+  };
   double sum = 0;
   for (Ranked& r : ranked) {
-    const bool is_kin = find_mechanism(r.cause)->family == find_mechanism(winner)->family;
-    const double enough = (is_kin ? kFamilyMargin : kMargin) * reduction;
-    if (r.cause != winner && r.reduction >= enough && competes_with(winner, r)) {
+    const bool is_kin = find_mechanism(r.cause)->family == find_mechanism(won.cause)->family;
+    const bool is_near = r.reduction >= (is_kin ? kFamilyMargin : kMargin) * won.reduction;
+    if (r.cause != won.cause && is_near && competes_with(won.cause, r) &&
+        !is_out(r, is_kin ? kClearlyMoreInFamily : kClearlyMore)) {
       r.probability = std::max(r.probability, kRivalShare);
     }
     sum += r.probability;
@@ -349,15 +417,25 @@ void fit_from_slips(const Survey& survey, const Explanation& beside, JointFits& 
   }
 }
 
-std::string cause_of(const Explanation& explanation) {
-  return std::string(explanation.laws.back().law.law->cause);
+/// Probability that a good valve has as much of the law that came last, by its size and the error of the whole fit. 0
+/// where good valves' sizes do not tell, and where free runs stick: their slopes say nothing of an error, and
+/// recordings left out of the fit must bear the law out.
+double p_value_of_fitted_size(const Explanation& fitted, double size, const Explanation& beside, double inflation,
+                              const ValveDiagnosisOptions& options) {
+  const LawInFit& law = fitted.laws.back().law;
+  const CauseOnGoodValves* good = on_good_valves(options.causes, law.law->cause);
+  if (!has_size_in_good_valves(law, good) || makes_stick(law, beside)) return 0;
+  const std::vector<double> errors = fitted.standard_errors(inflation);
+  const double error = errors[errors.size() - law.law->parameters.size() + law.law->size_parameter];
+  return p_value_of_size(*law.law, size, error, *good, options.good_valves);
 }
 
 /// A law fitted together with the valve, before it is compared. `error` is what the valve alone leaves at the rows.
-Ranked ranked_fit(const Tested& tested, double cost_beside, const Stack& error, const Explanation& fitted,
+Ranked ranked_fit(const Tested& tested, const Explanation& beside, const Stack& error, const Explanation& fitted,
                   const Contest& contest, double laws, const ValveDiagnosisOptions& options) {
   Ranked r{.cause = tested.cause(), .fitted_jointly = true};
-  r.reduction = cost_beside - fitted.cost;
+  r.reduction = beside.cost - fitted.cost;
+  r.left = fitted.cost - noise_cost(fitted);
   r.residual = residual_at_rows(fitted);
   r.evidence =
       consistent_evidence(error, r.residual, r.reduction, contest.weight, slowest_of(fitted)).at_most(r.reduction);
@@ -365,13 +443,19 @@ Ranked ranked_fit(const Tested& tested, double cost_beside, const Stack& error, 
   r.penalty = fitted.cost - contest.weight * squares_of(r.residual);
   const double size = with_own(*tested.fit.law.law, size_in(fitted), fitted.v, options.fit);
   r.p_value = p_value_of(tested, r.evidence, size, options);
-  const bool is_there = !is_at_an_end(fitted.laws.back().law, fitted.parameters_of_last());
+  const bool is_there = !is_cut_off(fitted.laws.back().law, fitted.parameters_of_last());
   r.stands_out = is_there && is_beyond_noise(tested, r.evidence) && laws * r.p_value <= kFalseAlarm;
+  if (r.stands_out) {
+    // The evidence takes what the law gets wrong for noise that averages out; the error that goes with the size does
+    // not. Both must tell the valve from good ones.
+    r.p_value = std::max(r.p_value, p_value_of_fitted_size(fitted, size, beside, contest.inflation, options));
+    r.stands_out = laws * r.p_value <= kFalseAlarm;
+  }
   return r;
 }
 
 /// Who wins among the entries, and with which probabilities; nobody where none stands out.
-void settle(Contest& contest, double laws) {
+void settle(Contest& contest, std::span<const Explanation> fitted, double laws, const ValveDiagnosisOptions& options) {
   contest.cause.clear();
   const Ranked* best = nullptr;
   for (const Ranked& r : contest.entries) {
@@ -383,7 +467,7 @@ void settle(Contest& contest, double laws) {
   contest.p_value = std::min(1.0, laws * best->p_value);
   keep_consistent(*best, contest.weight, contest.ranked);
   normalise(contest.cause, contest.ranked);
-  keep_margins(contest.cause, contest.ranked);
+  keep_margins(contest, fitted, options);
 }
 
 /// The laws of a survey as entries of the contest: with their joint fits, or with what the survey says of them.
@@ -394,7 +478,7 @@ void enter(Contest& contest, const JointFits& joint, const LinearisedValve& line
   contest.entries.clear();
   for (std::size_t i = 0; i < joint.racing.size(); ++i) {
     contest.entries.push_back(
-        ranked_fit(*joint.racing[i], beside.cost, linear.error(), joint.fitted[i], contest, laws, options));
+        ranked_fit(*joint.racing[i], beside, linear.error(), joint.fitted[i], contest, laws, options));
   }
   for (const Tested& tested : contest.survey.tested) {
     if (std::find(joint.racing.begin(), joint.racing.end(), &tested) != joint.racing.end()) continue;
@@ -409,8 +493,10 @@ void enter(Contest& contest, const JointFits& joint, const LinearisedValve& line
 
 /// As settle. Free runs that stick can be laid through any noise, a slip sooner or later: what makes the spool stick
 /// wins only if recordings that were left out of its fit bear it out.
-void settle_borne_out(Contest& contest, JointFits& joint, const Explanation& beside, double laws) {
-  for (settle(contest, laws); !contest.cause.empty(); settle(contest, laws)) {
+void settle_borne_out(Contest& contest, JointFits& joint, const Explanation& beside, double laws,
+                      const ValveDiagnosisOptions& options) {
+  const auto settle_again = [&] { settle(contest, joint.fitted, laws, options); };
+  for (settle_again(); !contest.cause.empty(); settle_again()) {
     const auto won = std::find_if(joint.racing.begin(), joint.racing.end(),
                                   [&](const Tested* tested) { return tested->cause() == contest.cause; });
     if (won == joint.racing.end() || !makes_stick((*won)->fit.law, beside)) return;
@@ -420,6 +506,17 @@ void settle_borne_out(Contest& contest, JointFits& joint, const Explanation& bes
       return;
     }
     for (Ranked& entry : contest.entries) entry.stands_out &= entry.cause != contest.cause;
+  }
+}
+
+/// Hands the joint fits over to the winner and its rivals.
+void award(Contest& contest, std::vector<Explanation> fitted) {
+  for (Explanation& fit : fitted) {
+    if (cause_of(fit) == contest.cause) {
+      contest.best = std::move(fit);
+    } else {
+      contest.rivals.push_back(std::move(fit));
+    }
   }
 }
 
@@ -469,7 +566,7 @@ Survey survey_laws(const LinearisedValve& fit, const ValveFitOptions& options) {
     for (const Tested& tested : survey.tested) best = std::max(best, tested.fit.reduction);
     const double worthwhile = std::max(kLeastPromise, kLeastShare * best);
     auto found = search_law(fit, options, variant.law, variant.starts, kSearchSteps, worthwhile);
-    if (!found || is_at_an_end(found->law, found->parameters)) continue;
+    if (!found || is_cut_off(found->law, found->parameters)) continue;
     Tested tested{
         .starts = variant.starts,
         .noise_reduction = noise_reduction(variant, found->freedoms, fit.problem().recordings(), fit.samples())};
@@ -511,22 +608,16 @@ Contest hold_contest(const Explanation& beside, const ValveDiagnosisOptions& opt
     if (left > kBent) fit_from_slips(contest.survey, beside, joint);
   }
   enter(contest, joint, linear, beside, options);
-  settle_borne_out(contest, joint, beside, laws);
+  settle_borne_out(contest, joint, beside, laws, options);
   if (!contest.cause.empty()) {
     const auto late = late_entries(contest.cause, contest.survey, joint.racing);
     if (!late.empty()) {
       fit_jointly(late, beside, true, joint);
       enter(contest, joint, linear, beside, options);
-      settle_borne_out(contest, joint, beside, laws);
+      settle_borne_out(contest, joint, beside, laws, options);
     }
   }
-  for (Explanation& fitted : joint.fitted) {
-    if (!contest.cause.empty() && cause_of(fitted) == contest.cause) {
-      contest.best = std::move(fitted);
-    } else {
-      contest.rivals.push_back(std::move(fitted));
-    }
-  }
+  award(contest, std::move(joint.fitted));
   return contest;
 }
 
@@ -544,21 +635,16 @@ Contest held_again(const Contest& contest, const Explanation& beside, const Expl
   const double laws = static_cast<double>(again.survey.tested.size());
   if (tested != again.survey.tested.end()) {
     std::erase_if(again.entries, [&](const Ranked& r) { return r.cause == cause; });
-    again.entries.push_back(ranked_fit(*tested, beside.cost, residual_at_rows(beside), better, again, laws, options));
+    again.entries.push_back(ranked_fit(*tested, beside, residual_at_rows(beside), better, again, laws, options));
   }
-  settle(again, laws);
-  const auto take = [&](const Explanation& fitted) {
-    if (cause_of(fitted) == again.cause) {
-      again.best = fitted.copy();
-    } else {
-      again.rivals.push_back(fitted.copy());
-    }
-  };
-  take(better);
-  if (contest.best && contest.cause != cause) take(*contest.best);
+  std::vector<Explanation> fitted;
+  fitted.push_back(better.copy());
+  if (contest.best && contest.cause != cause) fitted.push_back(contest.best->copy());
   for (const Explanation& rival : contest.rivals) {
-    if (cause_of(rival) != cause) take(rival);
+    if (cause_of(rival) != cause) fitted.push_back(rival.copy());
   }
+  settle(again, fitted, laws, options);
+  award(again, std::move(fitted));
   return again;
 }
 

@@ -40,6 +40,7 @@ struct Ranked {
   double p_value = 1;    ///< of its evidence and size in a good valve, one law alone
   Stack residual;        ///< whitened, what is left beside it
   double penalty = 0;    ///< of the cost, what is not in the residual
+  double left = 0;       ///< of the cost, above what noise alone makes; of joint fits
   double probability = 0;
   bool fitted_jointly = false;  ///< together with the valve
   bool stands_out = false;      ///< from what good valves show, all laws searched

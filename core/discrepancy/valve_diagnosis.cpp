@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "core/discrepancy/input_lines.h"
+#include "core/discrepancy/leftover.h"
 #include "core/discrepancy/valve_conclusion.h"
 #include "core/discrepancy/valve_contest.h"
 

@@ -5,7 +5,8 @@
 // Source     Tao and Kokotović, Adaptive Control of Systems with Actuator and Sensor Nonlinearities (1996), dead zone;
 //            overlap of a spool's lands: Merritt, Hydraulic Control Systems (1967), chapter 5
 // Looks like a flat in the steady map at one level, the same up and down; everything beyond is shifted by half the
-// width Confused   with static_curve (bends everywhere), backlash and friction (a flat at every reversal)
+// width Confused   with static_curve (bends everywhere), saturation (a flat that is not left at higher inputs),
+// backlash and friction (a flat at every reversal)
 
 #include <array>
 
@@ -18,7 +19,7 @@ enum Parameter { kCentre, kWidth };
 
 constexpr std::array<MechanismParameter, 2> kParameters{
     {{"centre_A", "A", "middle of the interval"}, {"width_A", "A", "its full width"}}};
-constexpr std::array<std::string_view, 3> kConfusedWith{"static_curve", "backlash", "friction"};
+constexpr std::array<std::string_view, 4> kConfusedWith{"static_curve", "saturation", "backlash", "friction"};
 
 MechanismBounds bounds(const MechanismScales& scales) {
   const double range = input_range(scales);
@@ -34,6 +35,12 @@ MechanismBounds bounds(const MechanismScales& scales) {
   }
   for (const double at : {0.3, 0.55, 0.8}) bounds.starts.push_back({scales.input_low + at * range, 0.06 * range});
   return bounds;
+}
+
+/// A flat that the input does not leave on both sides may as well be a stop: a saturation.
+bool is_cut_off(std::span<const double> parameters, std::span<const double> lower, std::span<const double> upper) {
+  const double centre = parameters[kCentre], half = 0.5 * parameters[kWidth];
+  return centre - half <= lower[kCentre] || centre + half >= upper[kCentre];
 }
 
 void apply(std::span<const double> parameters, const LawContext&, std::span<double> x) {
@@ -74,6 +81,7 @@ extern constinit const Mechanism kDeadBand{
     .bounds = bounds,
     .apply = apply,
     .tangent = tangent,
-    .reshape = nullptr};
+    .reshape = nullptr,
+    .is_cut_off = is_cut_off};
 
 }  // namespace valvetriage

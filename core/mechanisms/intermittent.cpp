@@ -39,6 +39,11 @@ MechanismBounds bounds(const MechanismScales& scales) {
   return bounds;
 }
 
+/// At an end of its recording it is a gain that one recording has as a whole.
+bool is_cut_off(std::span<const double> parameters, std::span<const double> lower, std::span<const double> upper) {
+  return parameters[kTime] <= lower[kTime] || parameters[kTime] >= upper[kTime];
+}
+
 /// Gain at each sample of the recording it is in.
 template <typename Use>
 void change_gain(std::span<const double> parameters, const LawContext& context, std::size_t samples, Use use) {
@@ -79,6 +84,7 @@ extern constinit const Mechanism kIntermittent{
     .bounds = bounds,
     .apply = apply,
     .tangent = tangent,
-    .reshape = nullptr};
+    .reshape = nullptr,
+    .is_cut_off = is_cut_off};
 
 }  // namespace valvetriage

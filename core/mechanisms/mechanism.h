@@ -114,6 +114,11 @@ struct Mechanism {
   /// Null: never.
   bool (*is_in_blocks)(std::span<const double> parameters) = nullptr;
 
+  /// Whether with these parameters the effect lies where the recordings do not show the whole of it: its bounds are
+  /// those of the recordings. Null: never.
+  bool (*is_cut_off)(std::span<const double> parameters, std::span<const double> lower,
+                     std::span<const double> upper) = nullptr;
+
   bool acts_in_blocks_alone(std::span<const double> at) const { return is_in_blocks && is_in_blocks(at); }
 };
 

@@ -239,9 +239,9 @@ void run_volume(const OrificeVolume& volume, double sample_period_s, double firs
     tangent->pass.assign(n, 0);
   }
   double p = std::min(first_psi, volume.ceiling_psi);
-  double m = n > 0 ? steady[0] : 0;
+  double m = n > 0 ? std::min(steady[0], volume.stop_psi) : 0;
   for (std::size_t i = 0; i < n; ++i) {
-    const double next_m = i + 1 < n ? steady[i + 1] : m;
+    const double next_m = i + 1 < n ? std::min(steady[i + 1], volume.stop_psi) : m;
     pressure[i] = p;
     const Flow middle = table.flow(0.5 * (m + next_m));
     // Half a step with the slope at its start, then the whole with the slope at the middle.
@@ -252,7 +252,9 @@ void run_volume(const OrificeVolume& volume, double sample_period_s, double firs
     const double slope_there = centre.value + centre.by_p * (p - half);
     if (tangent) {
       tangent->keep[i] = 1 + centre.by_p * reach;  // e^(T ∂rate/∂p)
-      tangent->pass[i] = 0.5 * reach * centre.by_m;
+      // Where the spool is at its stop, m stays.
+      const double moving = 0.5 * ((m < volume.stop_psi ? 1 : 0) + (next_m < volume.stop_psi ? 1 : 0));
+      tangent->pass[i] = 0.5 * reach * centre.by_m * moving;
     }
     p += reach * slope_there;
     if (p > volume.ceiling_psi) {
@@ -264,12 +266,13 @@ void run_volume(const OrificeVolume& volume, double sample_period_s, double firs
 }
 
 double settled_psi(const OrificeVolume& volume, double steady_psi) {
-  double settled = steady_psi;
+  const double asked_psi = std::min(steady_psi, volume.stop_psi);
+  double settled = asked_psi;
   if (volume.drain_excess_exponent != 0 || volume.loss_fraction != 0) {
     const Law law(volume);
-    const Flow m = law.flow(steady_psi);
+    const Flow m = law.flow(asked_psi);
     // The rate falls with p, so a bracket around its zero can be halved: to the last bit, and no slope is needed.
-    double low = std::min(steady_psi, 0.0) - 1, high = std::max(volume.supply_psi, steady_psi + 1);
+    double low = std::min(asked_psi, 0.0) - 1, high = std::max(volume.supply_psi, asked_psi + 1);
     for (int halving = 0; halving < 80; ++halving) {
       const double middle = 0.5 * (low + high);
       (law.rate(middle, law.flow(middle), m).value > 0 ? low : high) = middle;

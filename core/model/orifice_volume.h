@@ -30,8 +30,8 @@ namespace valvetriage {
 ///   dp/dt = κ [ ((P_s − p) / (P_s − m))^n φ_n(m) − φ_{n+Δ}(p) φ_n(r)/φ_{n+Δ}(r) − f φ_n(H) ψ(p)/ψ(H) ] / (fall ratio)
 ///
 /// with Δ the drain's excess exponent, r the reference pressure, f the loss fraction, H the highest pressure,
-/// ψ(p) = √(p + ε) − √ε, the fall ratio only while p falls, and p never above the ceiling (a relief valve). It then
-/// settles at `settled_psi`, which is m only for the healthy one.
+/// ψ(p) = √(p + ε) − √ε, the fall ratio only while p falls, m never above the stop (of the spool) and p never above the
+/// ceiling (a relief valve). It then settles at `settled_psi`, which is m only for the healthy one.
 struct OrificeVolume {
   double time_constant_s = 0;  ///< > 0, at reference_psi [s]
   double exponent = 0.5;       ///< n of flow over pressure drop, 0.2 to 1.5
@@ -43,7 +43,8 @@ struct OrificeVolume {
   double loss_fraction = 0;          ///< f ≥ 0, loss over through-flow at highest_psi
   double highest_psi = 0;            ///< H, the reference's highest level; 0: twice reference_psi [psi]
   double drain_excess_exponent = 0;  ///< Δ; n + Δ is kept at 0.05 or more
-  double ceiling_psi = std::numeric_limits<double>::infinity();  ///< [psi]
+  double ceiling_psi = std::numeric_limits<double>::infinity();  ///< of p [psi]
+  double stop_psi = std::numeric_limits<double>::infinity();     ///< of m [psi]
 
   bool operator==(const OrificeVolume&) const = default;
 };

@@ -22,7 +22,7 @@ Entry& entry_of(std::vector<Entry>& entries, const std::string Entry::*name, con
 
 /// What says where or which, or what every recording has its own of, is no size of the cause.
 bool is_no_size(const std::string& cause, const std::string& name) {
-  if (name == "recording" || name == "ahead_of_map") return true;
+  if (name == "recording" || name == "ahead_of_map" || name == "spool_stops") return true;
   const Mechanism* law = find_mechanism(cause);
   if (law == nullptr) return false;
   const auto own = law->parameters.last(law->own_per_recording);

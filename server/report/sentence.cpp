@@ -78,6 +78,8 @@ std::string parameter_words(const std::string& name, const ParameterEstimate& es
   if (name == "ahead_of_map") {
     return estimate.value != 0 ? "ahead of the static map: coil or spool" : "behind the static map: pressure or gauge";
   }
+  if (name == "spool_stops")
+    return estimate.value != 0 ? "the spool comes to a stop" : "a relief, or the reading is clipped";
   const std::string shown = parameter_name(name, estimate.unit);
   if (!estimate.text.empty()) return shown + " " + estimate.text;
   std::string text = fmt::format("{} {}", shown, quantity(estimate.value, estimate.unit));

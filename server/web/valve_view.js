@@ -79,6 +79,7 @@ function parameterTable(cause, recordings) {
   const rows = Object.entries(cause.parameters).map(([name, p]) => {
     if (name === "recording") return { name, value: recordings[Math.round(p.value)]?.name ?? "–" }; // its index is nobody's name
     if (name === "ahead_of_map") return { name, value: p.value ? "yes: coil or spool" : "no: pressure or gauge" };
+    if (name === "spool_stops") return { name, value: p.value ? "yes: the spool" : "no: a relief, or the reading is clipped" };
     const [factor, unit] = typeof p.value === "string" ? [1, p.unit] : scaled(p.value, p.unit);
     const times = (value) => (typeof value === "number" ? value * factor : value);
     return { name, unit, value: times(p.value), se: times(p.std_error), low: times(p.ci95?.[0]), high: times(p.ci95?.[1]),

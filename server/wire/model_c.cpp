@@ -348,9 +348,12 @@ static double volume_rate(double p, double steady, double *slope) {
 static double relaxed(double x) { return fabs(x) < 1e-9 ? 1 : -expm1(-x) / x; }
 
 static double volume_settled(double steady) {
-  double low = fmin(steady, 0) - 1, high = fmax(SUPPLY, steady + 1), ignored;
+  double low, high, ignored;
   int halving;
+  steady = fmin(steady, STOP);
   if (IS_HEALTHY) return fmin(steady, CEILING);
+  low = fmin(steady, 0) - 1;
+  high = fmax(SUPPLY, steady + 1);
   for (halving = 0; halving < 80; ++halving) {
     const double middle = 0.5 * (low + high);
     if (volume_rate(middle, steady, &ignored) > 0) low = middle; else high = middle;
@@ -360,7 +363,7 @@ static double volume_settled(double steady) {
 
 /* One sample: half a step with the slope at its start, then the whole with the slope at the middle. */
 static double volume_advance(double p, double steady, double next_steady) {
-  const double middle = 0.5 * (steady + next_steady);
+  const double middle = 0.5 * (fmin(steady, STOP) + fmin(next_steady, STOP));
   double slope, rate = volume_rate(p, middle, &slope), half;
   half = p + 0.5 * T * rate * relaxed(-0.5 * T * slope);
   rate = volume_rate(half, middle, &slope);
@@ -482,7 +485,8 @@ std::string volume_constants(const OrificeVolume& v) {
          define("DRAIN_SHARE", flow(reference, n) / flow(reference, drain)) +
          define("LOSS_SHARE", v.loss_fraction * flow(highest, n) / flow(highest, 0.5)) +
          define("SCALE", 1 / (v.time_constant_s * slope)) + define("FALL_RATIO", v.fall_to_rise_ratio) +
-         define("CEILING", v.ceiling_psi) + define("REFERENCE", reference) + define("AIR_SHARE", v.air_share) +
+         define("CEILING", v.ceiling_psi) + define("STOP", v.stop_psi) + define("REFERENCE", reference) +
+         define("AIR_SHARE", v.air_share) +
          define("IS_HEALTHY", v.drain_excess_exponent == 0 && v.loss_fraction == 0 ? 1 : 0);
 }
 

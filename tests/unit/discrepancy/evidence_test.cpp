@@ -150,9 +150,27 @@ TEST(Evidence, ASearchOverManyStartsIsPaidFor) {
 
 TEST(Evidence, ASizeIsJudgedAgainstGoodValvesSpread) {
   // 4.8 psi where good valves lie at 0.5 ± 0.2 and the error is negligible: t of 20 with seven degrees of freedom.
-  EXPECT_LT(size_p_value(4.8, 0.5, 0.2, 1e6, 8), 1e-6);
-  EXPECT_GT(size_p_value(0.8, 0.5, 0.2, 1e6, 8), 0.1);
-  EXPECT_EQ(size_p_value(0.8, 0.5, 0.2, 0, 8), 1.0);
+  EXPECT_LT(size_p_value(4.8, 0.5, 0.2, 0.005, 8), 1e-6);
+  EXPECT_GT(size_p_value(0.8, 0.5, 0.2, 0.005, 8), 0.1);
+  EXPECT_EQ(size_p_value(0.8, 0.5, 0.2, std::numeric_limits<double>::infinity(), 8), 1.0);
+}
+
+TEST(Evidence, ASizeWhoseErrorIsWideIsJudgedByThatError) {
+  // Ten errors from good valves that are all alike: a normal deviate. Four are not enough for one law of
+  // twenty at a false alarm in two hundred where the spread of eight valves is as wide as the error.
+  EXPECT_LT(size_p_value(5, 0, 0.05, 0.5, 8), 1e-15);
+  EXPECT_GT(size_p_value(4, 0, 0.7, 0.7, 8), 2.5e-4);
+}
+
+TEST(Evidence, SquaresOfSizesOnBothSidesOfNoneScatterLikeANormalDeviates) {
+  // Eight good valves whose evidence happens to be alike, their sizes on either side of none: one of them may well be
+  // five times as far out. Where all of them lie on one side, that is far more than any.
+  const auto p = [](double common_size) {
+    return good_valve_p_value(Evidence{100}, 1, 1, {.mean = 5, .sd = 2, .valves = 8, .common_size = common_size});
+  };
+  EXPECT_GT(p(0), 1e-3);
+  EXPECT_LT(p(4), 1e-5);
+  EXPECT_EQ(p(1e9), p(std::numeric_limits<double>::infinity()));
 }
 
 }  // namespace

@@ -147,7 +147,7 @@ INSTANTIATE_TEST_SUITE_P(Causes, ValveDiagnosisOf,
                          testing::Values(MechanismUse{.cause = "hysteresis", .parameters = {0.03, 0.1, 0}},
                                          MechanismUse{.cause = "sensor_offset", .parameters = {6}},
                                          MechanismUse{.cause = "gain_loss", .parameters = {0.85}},
-                                         MechanismUse{.cause = "saturation", .parameters = {120, -INFINITY}},
+                                         MechanismUse{.cause = "saturation", .parameters = {120, -INFINITY, 0}},
                                          MechanismUse{.cause = "self_oscillation",
                                                       .parameters = {12.3, 1.5, 150, 50, 0.2, 10, 0.5}},
                                          MechanismUse{.cause = "extra_lag", .parameters = {0.03, 0}},
@@ -165,6 +165,40 @@ TEST(ValveDiagnosis, ALagOfCoilOrSpoolIsNamedAheadOfTheMap) {
   EXPECT_EQ(found.causes.front().cause, "extra_lag");
   EXPECT_NEAR(found.causes.front().parameters.at(0).second.value, 0.03, 0.004);
   EXPECT_EQ(found.causes.front().parameters.at(1).second.value, 1);
+}
+
+TEST(ValveDiagnosis, ASpoolThatStopsIsASaturationAndNoDeadBand) {
+  const test::MadeValve valve;
+  const auto healthy = test::session(valve, kNoise_psi, 3);
+  const Population population(healthy, valve);
+  const auto spoiled =
+      with_cause(healthy, population.model(valve), {.cause = "saturation", .parameters = {165, -INFINITY, 1}});
+  const Discrepancy found = diagnosed(spoiled, population).discrepancy;
+  ASSERT_EQ(found.causes.size(), 1u);
+  EXPECT_EQ(found.causes.front().cause, "saturation");
+  EXPECT_NEAR(found.causes.front().parameters.at(0).second.value, 165, 0.5);
+  EXPECT_EQ(found.causes.front().parameters.at(2).second.value, 1);
+}
+
+TEST(ValveDiagnosis, ANameBesideWhichMostIsLeftIsNone) {
+  // Spikes wherever the input jumps, each of its own size and sign: no law of ours, and too fast to look slow.
+  const test::MadeValve valve;
+  const auto healthy = test::session(valve, kNoise_psi, 5);
+  const Population population(healthy, valve);
+  const auto offset = with_cause(healthy, population.model(valve), {.cause = "sensor_offset", .parameters = {3}});
+  const auto with_spikes = [&](double psi_per_a) {
+    auto recordings = offset;
+    std::size_t jumps = 0;
+    for (Recording& recording : recordings) {
+      for (std::size_t i = 1; i < recording.samples(); ++i) {
+        const double step = recording.input.values[i] - recording.input.values[i - 1];
+        recording.output.values[i] += psi_per_a * step * std::sin(1.7 * static_cast<double>(++jumps));
+      }
+    }
+    return diagnosed(recordings, population).discrepancy.conclusion;
+  };
+  EXPECT_EQ(with_spikes(10), Conclusion::kNamed);
+  EXPECT_EQ(with_spikes(90), Conclusion::kUnexplained);
 }
 
 const Candidate& candidate(const Discrepancy& discrepancy, const std::string& cause) {

@@ -174,7 +174,7 @@ TEST(Laws, ADeadBandIsContinuousAndFlatInside) {
 
 TEST(Laws, SaturationClampsOnBothSidesAndLeavesTheRest) {
   LawContext context{.output_range = 200};
-  const auto y = run("saturation", {150, 10}, {-50, 0, 11, 80, 149, 151, 400}, context);
+  const auto y = run("saturation", {150, 10, 0}, {-50, 0, 11, 80, 149, 151, 400}, context);
   const std::vector<double> expected{10, 10, 11, 80, 149, 150, 150};
   EXPECT_LT(largest_gap(y, expected), 1e-12);
 }

@@ -104,11 +104,27 @@ TEST(Physics, ARelievedVolumeStopsAtItsLevelAndLeavesItAtOnce) {
   EXPECT_LT(p[102], 95);
 }
 
+TEST(Physics, ASpoolThatStopsLetsTheVolumeSettleAsSlowlyAsAtAnyLevel) {
+  OrificeVolume volume = kHealthy;
+  volume.stop_psi = 100;
+  std::vector<double> steady(400, 200.0);
+  std::fill(steady.begin() + 300, steady.end(), 20.0);
+  EXPECT_EQ(run(volume, 20, steady), run(kHealthy, 20, [&] {
+              std::vector<double> asked = steady;
+              std::fill(asked.begin(), asked.begin() + 300, 100.0);
+              return asked;
+            }()));
+  EXPECT_EQ(settled_psi(volume, 200), 100);
+  EXPECT_EQ(settled_psi(volume, 90), 90);
+}
+
 TEST(Physics, TangentsOfSpoiledVolumesAreTheDifferenceOfTwoRuns) {
   OrificeVolume relieved = kHealthy;
   relieved.ceiling_psi = 120;
+  OrificeVolume stopped = kHealthy;
+  stopped.stop_psi = 120;
   for (const OrificeVolume& volume :
-       {spoiled("leakage", 0.2), spoiled("orifice_flow", -0.1), spoiled("asymmetric_response", 2), relieved}) {
+       {spoiled("leakage", 0.2), spoiled("orifice_flow", -0.1), spoiled("asymmetric_response", 2), relieved, stopped}) {
     std::vector<double> steady(300), moved;
     for (std::size_t i = 0; i < steady.size(); ++i) steady[i] = 100 + 40 * std::sin(0.05 * static_cast<double>(i));
     moved = steady;

@@ -88,7 +88,7 @@ TEST(SimulateExtended, ActsOnALinearMachineWhereItMakesSense) {
   EXPECT_GT(largest_gap(run(with(machine(), "dead_band", {1.5, 0.2})), run(machine())), 5);
   const std::vector<double> free = run(machine());
   const double level = *std::max_element(free.begin(), free.end()) - 20;
-  const auto clipped = run(with(machine(), "saturation", {level, -1e9}));
+  const auto clipped = run(with(machine(), "saturation", {level, -1e9, 0}));
   EXPECT_NEAR(*std::max_element(clipped.begin(), clipped.end()), level, 1e-9);
 }
 

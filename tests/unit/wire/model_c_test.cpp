@@ -154,7 +154,12 @@ TEST(ModelC, EveryCauseOnTheInputAndInsideIsInIt) {
                              {"transport_delay", {0.017}, ""},
                              {"orifice_flow", {-0.05}, ""},
                              {"asymmetric_response", {1.7}, ""},
-                             {"saturation", {150, 5}, ""}}));
+                             {"saturation", {150, 5, 0}, ""}}));
+}
+
+TEST(ModelC, ASpoolThatComesToAStopIsInItWithAndWithoutALoss) {
+  expect_same(with(valve(), {{"saturation", {120, -INFINITY, 1}, ""}}));
+  expect_same(with(valve(), {{"saturation", {120, -INFINITY, 1}, ""}, {"leakage", {0.1}, ""}}));
 }
 
 TEST(ModelC, EveryCauseOnPositionAndMapIsInIt) {

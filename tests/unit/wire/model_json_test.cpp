@@ -161,6 +161,8 @@ TEST(ModelJson, WhatALawDoesNotNeedMayBeLeftOutOfTheDocument) {
   const auto model = model_from_json(document);
   ASSERT_TRUE(model.has_value());
   EXPECT_TRUE(std::isinf(model->mechanisms[0].parameters[1]));
+  EXPECT_EQ(model->mechanisms[0].parameters[2], 0);
+  document["mechanisms"][0]["parameters"]["spool_stops"] = 0;
   EXPECT_EQ(to_json(*model)["mechanisms"], document["mechanisms"]);
 }
 

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "core/discrepancy/discrepancy.h"
+#include "core/discrepancy/linearised_valve.h"
+#include "core/discrepancy/valve_diagnosis.h"
+#include "core/discrepancy/valve_explanation.h"
+
+namespace valvetriage {
+
+/// How slow a residual is, by groups of like samples: input at rest or moving, by thirds of the output's range.
+///
+/// Values: ln(mean square of block means over what the same samples' own fast noise would give), less the same of the
+/// group at rest at the lowest level. Noise that is coloured everywhere, louder where the output moves (a jittering
+/// clock) or coarse takes no part in it; what depends on the input does. NaN for a group with too few blocks.
+struct LeftoverGroup {
+  std::string group;
+  double log_ratio = 0;
+  double own_log_ratio = 0;  ///< before that of the lowest level at rest is taken off: 0 in white noise
+  double mean_square = 0;      ///< in noise variances
+  int blocks = 0;
+};
+std::vector<LeftoverGroup> leftover_groups(const LinearisedValve& fit, double output_range);
+
+/// What is left beside an explanation, against good valves.
+struct Leftover {
+  double p_value = 1;             ///< in a good valve, over all groups of samples
+  double at_rest = 0;             ///< mean square at rest, at its loudest level, in noise variances
+  double at_rest_deviations = 0;  ///< of the slowness at rest at the lowest level from that of white noise
+  std::vector<Finding> findings;
+};
+Leftover leftover_of(const LinearisedValve& linear, const ValveDiagnosisOptions& options);
+
+/// What noise alone costs in this session.
+double noise_cost(const Explanation& explanation);
+
+}  // namespace valvetriage
