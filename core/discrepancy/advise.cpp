@@ -155,8 +155,8 @@ double normal_below(double z) {
 }
 
 /// Chance that the true one reaches the settling posterior against a rival.
-double beats(double d, double own, double rival) {
-  const double odds = std::log(kSettled / (1 - kSettled) * rival / own);
+double beats(double d, double own, double rival, double least_log_odds) {
+  const double odds = std::max(std::log(kSettled / (1 - kSettled) * rival / own), least_log_odds);
   if (d < 1e-9) return odds <= 0 ? 1 : 0;
   return normal_below((0.5 * d * d - odds) / d);
 }
@@ -199,8 +199,8 @@ std::optional<Worth> worth_of(std::span<const Alternative* const> rivals, const 
     double settled = 1;
     for (std::size_t j = 0; j < runs.size(); ++j) {
       if (j == i) continue;
-      settled -=
-          1 - beats(d(static_cast<Index>(i), static_cast<Index>(j)), rivals[i]->probability, rivals[j]->probability);
+      const double apart = d(static_cast<Index>(i), static_cast<Index>(j));
+      settled -= 1 - beats(apart, rivals[i]->probability, rivals[j]->probability, options.least_log_odds);
     }
     settled = std::max(settled, 0.0);
     worth.expected += rivals[i]->probability * settled;

@@ -24,6 +24,7 @@ struct AdviceOptions {
   double bias_rms = 0;   ///< of what a right model leaves beside noise; it does not average out with more samples
   double input_low = 0, input_high = 0;  ///< what the stand may play, unit of the input
   double sample_rate_hz = 200;
+  double least_log_odds = 0;  ///< ln odds that settle a question at the least, whatever the posterior
 };
 
 /// The test of the stand's repertoire that is expected to tell the alternatives apart best: steps, staircase, triangles
@@ -35,9 +36,9 @@ struct AdviceOptions {
 ///
 /// where the g_k are what a refit may still move: offset, gain, timing (output's rate) and curvature of the baseline,
 /// without limit, and each alternative's parameters by their standard errors. From d the chance that the true one
-/// reaches a posterior of 0.95 against a rival is Φ((d²/2 − ln(19 p_j / p_i)) / d); an alternative is settled if all
-/// its rivals are beaten (union bound), and a test's worth is the mean over the alternatives by their probabilities.
-/// Among equals (within 0.01) the shortest test is taken.
+/// reaches a posterior of 0.95, and the odds that are asked for, against a rival is Φ((d²/2 − ln(19 p_j / p_i)) / d);
+/// an alternative is settled if all its rivals are beaten (union bound), and a test's worth is the mean over the
+/// alternatives by their probabilities. Among equals (within 0.01) the shortest test is taken.
 ///
 /// Only the most probable eight alternatives are compared; `none` is one of them where given. A law on a side channel
 /// is left out of the simulations: the channel of a future test is not known.

@@ -19,7 +19,7 @@ struct LeftoverGroup {
   std::string group;
   double log_ratio = 0;
   double own_log_ratio = 0;  ///< before that of the lowest level at rest is taken off: 0 in white noise
-  double mean_square = 0;      ///< in noise variances
+  double mean_square = 0;    ///< in noise variances
   int blocks = 0;
 };
 std::vector<LeftoverGroup> leftover_groups(const LinearisedValve& fit, double output_range);

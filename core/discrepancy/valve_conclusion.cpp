@@ -236,6 +236,7 @@ std::optional<NextTest> next_test(const SearchedValve& searched, const std::vect
   // What the best explanation leaves above the noise is the same in every sample of its place.
   advice.bias_rms = advice.noise_rms * std::sqrt(std::max(0.0, explanation.cost - noise_cost(explanation)) / samples);
   advice.sample_rate_hz = 1 / period_s;
+  advice.least_log_odds = 0.5 * kLeastEvidence;
   return advise_next_test(alternatives, advice);
 }
 

@@ -25,8 +25,6 @@ constexpr int kSearchSteps = 5;
 // A law is refined where its best start promises this much of the cost, and this share of the best law so far.
 constexpr double kLeastPromise = 8;
 constexpr double kLeastShare = 0.02;
-// Five standard errors: eight good valves that show nothing of a cause do not say how rarely a good valve does.
-constexpr double kLeastEvidence = 25;
 // A size that one good valve in a hundred has by the spread of the others says nothing against a valve.
 constexpr double kLikeGoodValves = 0.01;
 // Joint fits of those that the survey leaves in the race: this many at most, none that promises less than this share of
@@ -317,6 +315,8 @@ void keep_margins(Contest& contest, std::span<const Explanation> fitted, const V
       *std::find_if(ranked.begin(), ranked.end(), [&](const Ranked& r) { return r.cause == contest.cause; });
   std::optional<bool> usual;
   const auto is_out = [&](const Ranked& r, double clearly_more) {
+    // Stick-slip whose kinetic force is that of breakaway is play: one that fits worse has not found its best.
+    if (r.sticks && !won.sticks) return false;
     const double against = 2 * (won.log_likelihood - r.log_likelihood);
     if (against < kLeastEvidence + scatter_between(won, r, options)) return false;
     if (won.left + won.reduction - r.reduction > clearly_more * won.left) return true;
@@ -433,7 +433,7 @@ double p_value_of_fitted_size(const Explanation& fitted, double size, const Expl
 /// A law fitted together with the valve, before it is compared. `error` is what the valve alone leaves at the rows.
 Ranked ranked_fit(const Tested& tested, const Explanation& beside, const Stack& error, const Explanation& fitted,
                   const Contest& contest, double laws, const ValveDiagnosisOptions& options) {
-  Ranked r{.cause = tested.cause(), .fitted_jointly = true};
+  Ranked r{.cause = tested.cause(), .fitted_jointly = true, .sticks = makes_stick(tested.fit.law, beside)};
   r.reduction = beside.cost - fitted.cost;
   r.left = fitted.cost - noise_cost(fitted);
   r.residual = residual_at_rows(fitted);
@@ -444,12 +444,12 @@ Ranked ranked_fit(const Tested& tested, const Explanation& beside, const Stack& 
   const double size = with_own(*tested.fit.law.law, size_in(fitted), fitted.v, options.fit);
   r.p_value = p_value_of(tested, r.evidence, size, options);
   const bool is_there = !is_cut_off(fitted.laws.back().law, fitted.parameters_of_last());
-  r.stands_out = is_there && is_beyond_noise(tested, r.evidence) && laws * r.p_value <= kFalseAlarm;
+  r.stands_out = is_there && is_beyond_noise(tested, r.evidence) && laws * r.p_value <= kNamedFalseAlarm;
   if (r.stands_out) {
     // The evidence takes what the law gets wrong for noise that averages out; the error that goes with the size does
     // not. Both must tell the valve from good ones.
     r.p_value = std::max(r.p_value, p_value_of_fitted_size(fitted, size, beside, contest.inflation, options));
-    r.stands_out = laws * r.p_value <= kFalseAlarm;
+    r.stands_out = laws * r.p_value <= kNamedFalseAlarm;
   }
   return r;
 }
@@ -483,6 +483,7 @@ void enter(Contest& contest, const JointFits& joint, const LinearisedValve& line
   for (const Tested& tested : contest.survey.tested) {
     if (std::find(joint.racing.begin(), joint.racing.end(), &tested) != joint.racing.end()) continue;
     Ranked r{.cause = tested.cause(), .reduction = tested.fit.verified, .evidence = tested.evidence};
+    r.sticks = makes_stick(tested.fit.law, beside);
     r.log_likelihood = rank_of(tested, tested.fit.verified, options.causes, contest.inflation, contest.samples);
     r.p_value = tested.p_value;
     r.residual = tested.fit.residual;

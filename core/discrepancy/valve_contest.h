@@ -43,6 +43,7 @@ struct Ranked {
   double left = 0;       ///< of the cost, above what noise alone makes; of joint fits
   double probability = 0;
   bool fitted_jointly = false;  ///< together with the valve
+  bool sticks = false;          ///< makes the spool stick that moves freely without it
   bool stands_out = false;      ///< from what good valves show, all laws searched
 };
 
@@ -72,5 +73,12 @@ const CauseOnGoodValves* on_good_valves(std::span<const CauseOnGoodValves> cause
 
 /// A healthy valve is called so 99 times in 100: half of that risk for the laws together, half for the leftover.
 inline constexpr double kFalseAlarm = 0.005;
+/// Beside this p-value, `none` has odds of 1 to 19 at the least: −e p ln p (Sellke, Bayarri and Berger, American
+/// Statistician 55 (2001) 62). No name is surer than that above it.
+inline constexpr double kNamedFalseAlarm = 0.0033;
+
+/// Noise variances by which two things must differ to be told apart: five standard errors. Eight good valves that show
+/// nothing of a cause do not say how rarely a good valve does; a law is never the whole physics.
+inline constexpr double kLeastEvidence = 25;
 
 }  // namespace valvetriage

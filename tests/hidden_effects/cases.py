@@ -36,13 +36,18 @@ class Stand:
     distances: list
     table: str
     counts: dict
+    tells_names: bool  # whether its distances know d_name
+
+    def distances_in(self, build):
+        """The command of its program of distances."""
+        return [build / self.distances[0], *self.distances[1:]]
 
 
 STANDS = {
     "first": Stand("valvetriage_stand", ["valvetriage_distances"], "cases.csv",
-                   {"healthy": 60, "single": 23, "pair": 9, "close": 8, "outside": 8, "step_up": 12}),
+                   {"healthy": 60, "single": 23, "pair": 9, "close": 8, "outside": 8, "step_up": 12}, True),
     "second": Stand("valvetriage_second_stand", ["valvetriage_second_stand", "distance"], "second_cases.csv",
-                    {"healthy": 34, "single": 22, "pair": 6, "outside": 6}),
+                    {"healthy": 34, "single": 22, "pair": 6, "outside": 6}, False),
 }
 
 

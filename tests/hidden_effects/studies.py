@@ -10,7 +10,7 @@ from engines import Failed, hash_of, run
 from measuring import Distances
 from scoring import trimmed
 
-running = {}  # a program of distances by worker process
+running = {}  # programs of distances by their command, of one worker process
 
 
 def distance_key(program_sha, case, name_too):
@@ -20,7 +20,7 @@ def distance_key(program_sha, case, name_too):
 def distances_line(key, program, case, name_too):
     """d of a case, and d_name where it is asked for (it costs several times as much)."""
     if program not in running:
-        running[program] = Distances(program)
+        running[program] = Distances(*program)
     found = running[program].measure(dataclasses.replace(case), "any" if name_too else "detect")
     line = {"key": key, "d": found.d}
     if name_too:

@@ -18,13 +18,14 @@ class Suite:
         self.answers = Kept(options.work / "full" / "answers.jsonl")
         self.distances = Kept(options.work / "full" / "distances.jsonl")
         self.loops = Kept(options.work / "full" / "loops.jsonl")
-        self.program = options.build / "valvetriage_distances"
-        self.program_sha = engines.hash_of(self.program.read_bytes())
-        self.effects, decoys = drawing.repertoire(options.build / "valvetriage_stand")
+        self.stand = drawing.STANDS[options.stand]
+        self.program = tuple(self.stand.distances_in(options.build))
+        self.program_sha = engines.hash_of(self.program[0].read_bytes())
+        self.effects, decoys = drawing.repertoire(options.build / self.stand.program)
         self.cases = drawing.drawn(options.seed, options.healthy, options.faulty, self.effects, decoys)
 
     def bench(self, engine=None, **reference):
-        return playing.Bench(self.options.build / "valvetriage", self.options.build / "valvetriage_stand",
+        return playing.Bench(self.options.build / "valvetriage", self.options.build / self.stand.program,
                              self.options.work, engine=engine, **reference)
 
     def distance_key(self, case, name_too):
@@ -57,7 +58,7 @@ class Suite:
     def measure(self, pool):
         tasks = []
         for case in self.cases:
-            name_too = case.number < self.options.names
+            name_too = self.stand.tells_names and case.number < self.options.names
             known = self.known_distances(case)
             if case.effects and case.plant == "valve" and (not known or (name_too and "d_name" not in known)):
                 key = self.distance_key(case, name_too)

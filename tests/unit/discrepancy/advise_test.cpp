@@ -96,5 +96,17 @@ TEST(Advise, IsTheSameEveryTime) {
   EXPECT_EQ(a->input_csv, b->input_csv);
 }
 
+TEST(Advise, WhatIsAskedForBesideThePosteriorMakesATestSettleLess) {
+  const std::vector<Alternative> open{alternative("gain_loss", {0.998}, 0.5), alternative("none", {}, 0.5)};
+  const auto chance = [&](double least_log_odds) {
+    AdviceOptions options = kStand;
+    options.least_log_odds = least_log_odds;
+    const auto next = advise_next_test(open, options);
+    return next ? next->expected_probability : 0;
+  };
+  EXPECT_EQ(chance(1), chance(0));  // a posterior of 0.95 asks for 2.9 nats itself
+  EXPECT_LT(chance(100), chance(0) - 0.1);
+}
+
 }  // namespace
 }  // namespace valvetriage

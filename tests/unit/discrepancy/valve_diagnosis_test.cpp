@@ -180,6 +180,32 @@ TEST(ValveDiagnosis, ASpoolThatStopsIsASaturationAndNoDeadBand) {
   EXPECT_EQ(found.causes.front().parameters.at(2).second.value, 1);
 }
 
+TEST(ValveDiagnosis, ARivalThatLeavesClearlyMoreIsNoRival) {
+  const test::MadeValve valve;
+  const auto healthy = test::session(valve, kNoise_psi, 7);
+  const Population population(healthy, valve);
+  // Gain loss and a stiffer spring remove most of what a leak does, backlash most of what dry friction does.
+  for (const MechanismUse& use : {MechanismUse{.cause = "leakage", .parameters = {0.14}},
+                                  MechanismUse{.cause = "friction", .parameters = {0.02, 0.01, 0.3}}}) {
+    const Discrepancy found = diagnosed(with_cause(healthy, population.model(valve), use), population).discrepancy;
+    EXPECT_EQ(found.conclusion, Conclusion::kNamed) << use.cause;
+    ASSERT_EQ(found.causes.size(), 1u);
+    EXPECT_EQ(found.causes.front().cause, use.cause);
+  }
+}
+
+TEST(ValveDiagnosis, StickSlipStaysARivalOfPlayForItHoldsPlayInIt) {
+  const test::MadeValve valve;
+  const auto healthy = test::session(valve, kNoise_psi, 7);
+  const Population population(healthy, valve);
+  const auto spoiled = with_cause(healthy, population.model(valve), {.cause = "backlash", .parameters = {0.02, 0}});
+  const Discrepancy found = diagnosed(spoiled, population).discrepancy;
+  EXPECT_EQ(found.conclusion, Conclusion::kAmbiguous);
+  ASSERT_EQ(found.causes.size(), 1u);
+  EXPECT_EQ(found.causes.front().cause, "backlash");
+  EXPECT_EQ(found.causes.front().alternatives, std::vector<std::string>{"friction"});
+}
+
 TEST(ValveDiagnosis, ANameBesideWhichMostIsLeftIsNone) {
   // Spikes wherever the input jumps, each of its own size and sign: no law of ours, and too fast to look slow.
   const test::MadeValve valve;
