@@ -26,8 +26,9 @@ constexpr int kSteps = 4;
 constexpr double kInInput = 18.4;
 // A line, not a wander: this many times what stands two or three resolved frequencies beside it.
 constexpr double kOverNeighbours = 4;
-// In the residual, over all its frequencies: 2 ln of a thousand bins, and the same certainty.
-constexpr double kInResidual = 2 * 6.9 + kInInput;
+// That the output does not follow it: the line itself is certain and its frequency known, so no search is paid for.
+// χ² of two freedoms at 1e-2.
+constexpr double kInResidual = 9.2;
 // A jump of the input ends a straight stretch: this many of the median step.
 constexpr double kJump = 12;
 constexpr std::size_t kShortestStretch = 16;

@@ -32,6 +32,8 @@ constexpr double kWhiteAtRest = 5;
 constexpr double kUnevenTone = 0.25;
 // A line this far above its neighbours, all lines of all recordings counted, is no chance of coloured noise.
 constexpr double kCertainLine = 1e-6;
+// However sure, a hundredth of what is left is no reason to doubt a valve: the hum of the mains under slow noise.
+constexpr double kLeastOfALine = 0.01;
 // A cause that the prior carries, a delay or a gain, neither helps nor harms held-out recordings: this much by chance.
 constexpr double kMostHarm = 0.01;
 // Of a name whose extension leaves too much: as likely as not.
@@ -80,7 +82,8 @@ std::vector<Finding> dependences(const Explanation& baseline) {
 /// A tone that some recordings have and others have not is no law's, and still nothing that good valves show.
 bool has_certain_line(const std::vector<Finding>& findings) {
   return std::any_of(findings.begin(), findings.end(), [](const Finding& finding) {
-    return finding.what == "has a line" && finding.p_value < kCertainLine;
+    return finding.what == "has a line" && finding.p_value < kCertainLine &&
+           finding.share_of_structured_residual > kLeastOfALine;
   });
 }
 

@@ -345,7 +345,8 @@ class Search {
   }
 
   /// The strongest line of any recording against the mean of its neighbours: with 2M of them and noise that is smooth
-  /// over them, P(ratio > q) = (1 + q / M)^−M (an F of 2 and 2M degrees).
+  /// over them, P(ratio > q) = (1 + q / M)^−M (an F of 2 and 2M degrees). A line that the simulation has as well is the
+  /// input's doing: of a multisine every misfit is one, and so is ripple that the sampling folds back into its log.
   void on_lines() {
     struct Line {
       double p = 1, frequency_hz = 0, ratio = 0, power = 0;
@@ -353,9 +354,10 @@ class Search {
     } strongest;
     double tried = 0;
     for (std::size_t r = 0; r < views_.size(); ++r) {
-      const auto [power, n] = periodogram(views_[r]);
+      const auto [power, n] = periodogram(*views_[r].recording, views_[r].residual);
       constexpr std::size_t kReach = 20, kGuard = 2;
       if (power.size() < 2 * kReach + 10) continue;
+      const auto of_simulation = periodogram(*views_[r].recording, simulated(views_[r])).first;
       for (std::size_t k = kReach; k + kReach < power.size(); ++k) {
         double around = 0;
         for (std::size_t j = k - kReach; j <= k + kReach; ++j) {
@@ -365,7 +367,7 @@ class Search {
         const double ratio = around > 0 ? power[k] / (around / kNeighbours) : 0;
         const double p = std::pow(1 + ratio / kNeighbours, -kNeighbours);
         tried += 1;
-        if (p < strongest.p) {
+        if (p < strongest.p && !is_line_of(of_simulation, k, kReach, power[k])) {
           const double period_s = views_[r].recording->sample_period_s;
           strongest = {p, static_cast<double>(k) / (static_cast<double>(n) * period_s), ratio, power[k], r};
         }
@@ -377,9 +379,27 @@ class Search {
     add("has a line", where, strongest.ratio, bonferroni(strongest.p, tried), share(strongest.power));
   }
 
-  /// Sum of squares at each frequency of a residual freed of its straight line, on a length that the FFT is quick at.
-  static std::pair<Column, std::size_t> periodogram(const ResidualView& view) {
-    std::size_t n = view.residual.size();
+  static Column simulated(const ResidualView& view) {
+    Column y(view.residual.size());
+    for (std::size_t i = 0; i < y.size(); ++i) y[i] = view.recording->output.values[i] - view.residual[i];
+    return y;
+  }
+
+  /// Whether a spectrum has a line at k which may be the cause of `power` there: above the quietest quarter of its
+  /// neighbours (beside a fold lie the multisine's own lines), and as strong.
+  static bool is_line_of(const Column& spectrum, std::size_t k, std::size_t reach, double power) {
+    constexpr double kAbove = 10, kAsStrong = 0.25;
+    if (spectrum[k] < kAsStrong * power) return false;
+    const auto at = spectrum.begin() + static_cast<std::ptrdiff_t>(k);
+    Column around(at - static_cast<std::ptrdiff_t>(reach), at + static_cast<std::ptrdiff_t>(reach) + 1);
+    const auto quarter = around.begin() + static_cast<std::ptrdiff_t>(around.size() / 4);
+    std::nth_element(around.begin(), quarter, around.end());
+    return spectrum[k] > kAbove * *quarter;
+  }
+
+  /// Sum of squares at each frequency of a signal freed of its straight line, on a length that the FFT is quick at.
+  static std::pair<Column, std::size_t> periodogram(const Recording& recording, std::span<const double> signal) {
+    std::size_t n = signal.size();
     const auto is_smooth = [](std::size_t m) {
       for (const std::size_t factor : {2u, 3u, 5u})
         while (m % factor == 0) m /= factor;
@@ -391,7 +411,7 @@ class Search {
     double sum = 0, moment = 0;
     const double middle = 0.5 * static_cast<double>(n - 1);
     for (std::size_t i = 0; i < n; ++i) {
-      e[i] = view.recording->is_valid(i) ? view.residual[i] : 0;
+      e[i] = recording.is_valid(i) ? signal[i] : 0;
       sum += e[i];
       moment += (static_cast<double>(i) - middle) * e[i];
     }

@@ -153,6 +153,25 @@ TEST(Findings, AToneIsALineAtItsFrequencyEvenUnderColouredNoise) {
   EXPECT_NEAR(std::stod(f->where), 7.25, 0.1);
 }
 
+TEST(Findings, ALineThatTheSimulationHasAsWellIsTheInputs) {
+  const auto line_at = [](double frequency_hz) {
+    std::mt19937 random(5);
+    Session session;
+    session.recordings.push_back(recording_of("tones", 4000, [](double t) {
+      return 1.5 + 0.05 * std::sin(2 * std::numbers::pi * 7.25 * t) + 0.05 * std::sin(2 * std::numbers::pi * 9 * t);
+    }));
+    session.residuals.push_back(noise(4000, 0, random));
+    for (std::size_t i = 0; i < 4000; ++i) {
+      session.residuals[0][i] +=
+          0.3 * std::sin(2 * std::numbers::pi * frequency_hz * static_cast<double>(i) * kPeriod_s);
+    }
+    for (std::size_t i = 0; i < 4000; ++i) session.recordings[0].output.values[i] += session.residuals[0][i];
+    return find(session.findings(), "has a line") != nullptr;
+  };
+  EXPECT_TRUE(line_at(8));
+  EXPECT_FALSE(line_at(7.25));
+}
+
 TEST(Findings, ADriftIsADependenceOnTime) {
   const auto findings = session([](const Recording&, std::size_t i) { return 0.08 * time_s(i); }, 0.6).findings();
   ASSERT_NE(find(findings, "depends on time"), nullptr);
