@@ -299,9 +299,12 @@ double scatter_between(const Ranked& a, const Ranked& b, const ValveDiagnosisOpt
   return boost::math::quantile(boost::math::complement(student, kRareInGoodValves)) * std::sqrt(variance * (1 + 1 / n));
 }
 
-/// Whether a winner leaves nothing that good valves do not leave.
-bool leaves_the_usual(const Explanation& winner, const ValveDiagnosisOptions& options) {
-  return leftover_of(LinearisedValve(*winner.problem, winner.v), options).p_value > kUsualLeftover;
+/// Whether an explanation leaves nothing that good valves do not leave.
+bool leaves_the_usual(const LinearisedValve& linear, const ValveDiagnosisOptions& options) {
+  return leftover_of(linear, options).p_value > kUsualLeftover;
+}
+bool leaves_the_usual(const Explanation& explanation, const ValveDiagnosisOptions& options) {
+  return leaves_the_usual(LinearisedValve(*explanation.problem, explanation.v), options);
 }
 
 /// A fitted law is never the whole physics: where a rival removes nearly as much of the cost, or ranks above,
@@ -395,6 +398,13 @@ void fit_jointly(const std::vector<const Tested*>& entering, const Explanation& 
                                   joint_starts(*tested, beside, places)));
     joint.compare(joint.fitted.back());
   }
+}
+
+/// What leaves least: the best joint fit, or what they all stand beside.
+const Explanation& closest_of(const JointFits& joint, const Explanation& beside) {
+  const auto lowest = std::min_element(joint.fitted.begin(), joint.fitted.end(),
+                                       [](const Explanation& a, const Explanation& b) { return a.cost < b.cost; });
+  return lowest == joint.fitted.end() || lowest->cost >= beside.cost ? beside : *lowest;
 }
 
 /// Laws that make the spool stick, from what its slips show: in free runs a slip more or less hides where they belong,
@@ -521,12 +531,17 @@ void award(Contest& contest, std::vector<Explanation> fitted) {
   }
 }
 
-/// Whether the fit has bent towards a fault: it leaves a residual far slower than noise, or it had to go where good
-/// valves are not.
-bool is_bent(double inflation, const Explanation& beside) {
+/// Whether a residual is far slower than noise and than what good valves leave: some fault is still in it.
+bool hides_a_fault(double inflation, const LinearisedValve& linear, const ValveDiagnosisOptions& options) {
+  return inflation > kBent && (options.leftovers.empty() || !leaves_the_usual(linear, options));
+}
+
+/// Whether the fit has bent towards a fault: what it leaves shows one, or it had to go where good valves are not.
+bool is_bent(double inflation, const LinearisedValve& linear, const Explanation& beside,
+             const ValveDiagnosisOptions& options) {
   const double freedoms = static_cast<double>(beside.problem->baseline_size());
-  return inflation > kBent ||
-         beside.problem->penalty(beside.v) > freedoms + kFarFromGoodValves * std::sqrt(2 * freedoms);
+  return beside.problem->penalty(beside.v) > freedoms + kFarFromGoodValves * std::sqrt(2 * freedoms) ||
+         hides_a_fault(inflation, linear, options);
 }
 
 /// The survey from where the fit stands and, where that has bent, from where a good valve stands as well.
@@ -593,7 +608,7 @@ Contest hold_contest(const Explanation& beside, const ValveDiagnosisOptions& opt
   Contest contest;
   const LinearisedValve linear(*beside.problem, beside.v);
   const double inflation = noise_inflation(linear.error());
-  const bool bent = is_bent(inflation, beside);
+  const bool bent = is_bent(inflation, linear, beside, options);
   contest.survey = survey_all(linear, beside, bent, options);
   const double laws = static_cast<double>(contest.survey.tested.size());
   contest.samples = linear.samples();
@@ -605,8 +620,11 @@ Contest hold_contest(const Explanation& beside, const ValveDiagnosisOptions& opt
   if (bent) {
     const std::string leading(joint.racing.front()->cause());
     fit_jointly(late_entries(leading, contest.survey, joint.racing), beside, bent, joint);
+    const Explanation& closest = closest_of(joint, beside);
     const double left = joint.lowest < beside.cost ? joint.inflation : inflation;
-    if (left > kBent) fit_from_slips(contest.survey, beside, joint);
+    if (hides_a_fault(left, LinearisedValve(*closest.problem, closest.v), options)) {
+      fit_from_slips(contest.survey, beside, joint);
+    }
   }
   enter(contest, joint, linear, beside, options);
   settle_borne_out(contest, joint, beside, laws, options);

@@ -119,7 +119,12 @@ struct Mechanism {
   bool (*is_cut_off)(std::span<const double> parameters, std::span<const double> lower,
                      std::span<const double> upper) = nullptr;
 
+  /// What documents count the size parameter from, in a valve with this volume: an exponent is written as the valve's
+  /// own and the law's excess together. Null: 0.
+  double (*counted_from)(const OrificeVolume& volume) = nullptr;
+
   bool acts_in_blocks_alone(std::span<const double> at) const { return is_in_blocks && is_in_blocks(at); }
+  double written_from(const OrificeVolume* volume) const { return counted_from && volume ? counted_from(*volume) : 0; }
 };
 
 /// Every mechanism there is, in the order of the contract's table. The list is made by CMake from the files of this

@@ -3,7 +3,7 @@
 //   φ_n(p) ← φ_{n+Δ}(p) φ_n(r) / φ_{n+Δ}(r)   out of the volume; the inflow is a good valve's
 //
 // The flow at the reference pressure r is unchanged; below it, with Δ < 0, more leaves and the level is lower, above it
-// less leaves and the level is higher. What is fitted is the excess Δ; the exponent that is reported is n + Δ.
+// less leaves and the level is higher. What is fitted is the excess Δ; the exponent that documents give is n + Δ.
 //
 // Source     orifices between laminar and turbulent: Merritt, Hydraulic Control Systems (1967), chapter 3; Borutzky,
 //            Control Eng. Practice 10 (2002) 1253
@@ -18,7 +18,7 @@ namespace valvetriage {
 namespace {
 
 constexpr std::array<MechanismParameter, 1> kParameters{
-    {{"exponent", "", "of the outflow over the pressure drop, less a good valve's"}}};
+    {{"exponent", "", "of the outflow over the pressure drop"}}};
 constexpr std::array<std::string_view, 3> kConfusedWith{"static_curve", "leakage", "gain_loss"};
 
 MechanismBounds bounds(const MechanismScales&) {
@@ -28,6 +28,8 @@ MechanismBounds bounds(const MechanismScales&) {
 void reshape(std::span<const double> parameters, ValveBlocks blocks) {
   blocks.volume.drain_excess_exponent += parameters[0];
 }
+
+double counted_from(const OrificeVolume& volume) { return volume.exponent; }
 
 }  // namespace
 
@@ -48,6 +50,7 @@ extern constinit const Mechanism kOrificeFlow{
     .bounds = bounds,
     .apply = nullptr,
     .tangent = nullptr,
-    .reshape = reshape};
+    .reshape = reshape,
+    .counted_from = counted_from};
 
 }  // namespace valvetriage

@@ -198,11 +198,16 @@ std::vector<double> law_parameters(const Mechanism& law, JsonFields& fields) {
   return values;
 }
 
-MechanismUse mechanism_from_json(JsonFields fields) {
+const OrificeVolume* volume_of(const Model& model) { return model.volume ? &*model.volume : nullptr; }
+
+MechanismUse mechanism_from_json(JsonFields fields, const Model& model) {
   MechanismUse use{.cause = fields.text("cause"), .parameters = {}, .channel = fields.text_or("channel", "")};
   const Mechanism* law = find_mechanism(use.cause);
   if (law) {
     use.parameters = law_parameters(*law, fields);
+    if (law->size_parameter < use.parameters.size()) {
+      use.parameters[law->size_parameter] -= law->written_from(volume_of(model));
+    }
   } else {
     fields.refuse("cause", "unknown_value", fmt::format("there is no cause '{}'", use.cause));
   }
@@ -210,11 +215,12 @@ MechanismUse mechanism_from_json(JsonFields fields) {
 }
 
 /// A value that is infinite stands for "there is none" and is left out.
-Json to_json(const MechanismUse& use) {
+Json to_json(const MechanismUse& use, const Model& model) {
   Json parameters = Json::object();
   const Mechanism* law = find_mechanism(use.cause);
   for (std::size_t j = 0; law && j < std::min(law->parameters.size(), use.parameters.size()); ++j) {
-    if (std::isfinite(use.parameters[j])) parameters[std::string(law->parameters[j].name)] = use.parameters[j];
+    const double from = j == law->size_parameter ? law->written_from(volume_of(model)) : 0;
+    if (std::isfinite(use.parameters[j])) parameters[std::string(law->parameters[j].name)] = from + use.parameters[j];
   }
   Json json{{"cause", use.cause}, {"parameters", parameters}};
   if (!use.channel.empty()) json["channel"] = use.channel;
@@ -283,7 +289,7 @@ Json to_json(const Model& model) {
   if (model.machine) json["machine"] = to_json(*model.machine);
   if (!model.mechanisms.empty()) {
     Json& mechanisms = json["mechanisms"] = Json::array();
-    for (const MechanismUse& use : model.mechanisms) mechanisms.push_back(to_json(use));
+    for (const MechanismUse& use : model.mechanisms) mechanisms.push_back(to_json(use, model));
   }
   return json;
 }
@@ -308,7 +314,7 @@ Model model_from_json(JsonFields fields) {
     fields.refuse("machine", "missing_field", "a machine needs its blocks");
   }
   if (!fields.has("mechanisms")) return model;
-  for (JsonFields& use : fields.objects("mechanisms")) model.mechanisms.push_back(mechanism_from_json(use));
+  for (JsonFields& use : fields.objects("mechanisms")) model.mechanisms.push_back(mechanism_from_json(use, model));
   if (model.mechanisms.size() > kMaxModelMechanisms) {
     fields.refuse("mechanisms", "out_of_range", fmt::format("at most {} mechanisms", kMaxModelMechanisms));
   }
