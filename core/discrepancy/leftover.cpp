@@ -82,6 +82,7 @@ Leftover leftover_of(const LinearisedValve& linear, const ValveDiagnosisOptions&
     const double between = good == options.leftovers.end() ? 0 : good->sd;
     leftover.at_rest_deviations =
         (at_rest.own_log_ratio - usual) / std::hypot(between, std::sqrt(2.0 / at_rest.blocks));
+    leftover.slow_at_rest = (std::exp(at_rest.own_log_ratio) - std::exp(usual)) / static_cast<double>(kGroupBlock);
   }
   for (const LeftoverGroup& group : std::span(all_groups).subspan(1)) {
     const auto good = on_good_valves(group);

@@ -28,7 +28,8 @@ std::vector<LeftoverGroup> leftover_groups(const LinearisedValve& fit, double ou
 struct Leftover {
   double p_value = 1;             ///< in a good valve, over all groups of samples
   double at_rest = 0;             ///< mean square at rest, at its loudest level, in noise variances
-  double at_rest_deviations = 0;  ///< of the slowness at rest at the lowest level from that of white noise
+  double at_rest_deviations = 0;  ///< of the slowness at rest at the lowest level from that of good valves
+  double slow_at_rest = 0;        ///< mean square of what is slow there, less good valves', in that of the fast noise
   std::vector<Finding> findings;
 };
 Leftover leftover_of(const LinearisedValve& linear, const ValveDiagnosisOptions& options);

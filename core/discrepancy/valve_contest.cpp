@@ -11,6 +11,7 @@
 
 #include "core/discrepancy/evidence.h"
 #include "core/discrepancy/heldout.h"
+#include "core/discrepancy/instants.h"
 #include "core/discrepancy/leftover.h"
 #include "core/discrepancy/slip_search.h"
 #include "core/discrepancy/valve_catalogue.h"
@@ -30,6 +31,8 @@ constexpr double kLikeGoodValves = 0.01;
 // Joint fits of those that the survey leaves in the race: this many at most, none that promises less than this share of
 // the best, each until it is this far behind the best in ln likelihood.
 constexpr std::size_t kMostJointFits = 4;
+// And beside those that promise most this many of those whose simulations are known to bring most.
+constexpr std::size_t kSurestJointFits = 2;
 constexpr double kLeastForecast = 0.05;
 constexpr double kInTheRace = 30;
 constexpr std::size_t kGoodValveJointFits = 3;
@@ -77,16 +80,10 @@ bool is_cut_off(const LawInFit& law, const std::vector<double>& parameters) {
   return law.law->is_cut_off && law.law->is_cut_off(parameters, law.lower, law.upper);
 }
 
-/// What compares with good valves: dry friction, play and magnetic memory do what the valve's own loops do, and a law
-/// of them may stand in the place of those. Its size is then that of both beyond a good valve's; a dry friction F holds
-/// the spool over 2 F.
+/// What compares with good valves: a law of memory may stand in the place of the valve's own loops. Its size is then
+/// that of both beyond a good valve's.
 double with_own(const Mechanism& law, double size, const VectorXd& v, const ValveFitOptions& options) {
-  if (!options.prior || law.family != "memory") return size;
-  const double wide = v(kWideLoop) - options.prior->mean(kWideLoop);
-  const double narrow = v(kNarrowLoop) - options.prior->mean(kNarrowLoop);
-  if (law.cause == "friction") return size + 0.5 * narrow;
-  if (law.cause == "backlash") return size + narrow;
-  return size + wide + narrow;
+  return size + own_excess(law, v, options);
 }
 
 double size_beyond_good(const Tested& tested, const ValveFitOptions& options) {
@@ -200,22 +197,31 @@ void keep_better(Survey other, double offset, Survey& survey) {
   }
 }
 
-/// Those still in the race after a survey: perhaps beyond what a good valve shows, those that promise most, and none
-/// that promises far less than the best.
+/// Those still in the race after a survey: perhaps beyond what a good valve shows, those that promise most, none that
+/// promises far less than the best, and those that bring most in simulations. A forecast is linear: where the fit has
+/// bent towards a fault, laws that promise ten times as much keep nothing of it.
 std::vector<const Tested*> in_the_race(const Survey& survey, const ValveDiagnosisOptions& options) {
   const double laws = static_cast<double>(survey.tested.size());
   const auto forecast = [](const Tested* tested) { return std::max(tested->evidence.value, tested->promise.value); };
-  std::vector<const Tested*> racing;
+  std::vector<const Tested*> possible;
   for (const Tested& tested : survey.tested) {
     if (p_value_of(tested, {forecast(&tested)}, size_beyond_good(tested, options.fit), options) * laws <= kFalseAlarm)
-      racing.push_back(&tested);
+      possible.push_back(&tested);
   }
-  std::stable_sort(racing.begin(), racing.end(),
+  std::stable_sort(possible.begin(), possible.end(),
                    [&](const Tested* a, const Tested* b) { return forecast(a) > forecast(b); });
+  std::vector<const Tested*> racing = possible;
   if (racing.size() > kMostJointFits) racing.resize(kMostJointFits);
   while (!racing.empty() && forecast(racing.back()) < kLeastForecast * forecast(racing.front()) &&
          racing.back()->evidence.value < racing.front()->evidence.value - 2 * kInTheRace) {
     racing.pop_back();
+  }
+  std::stable_sort(possible.begin(), possible.end(),
+                   [](const Tested* a, const Tested* b) { return a->evidence.value > b->evidence.value; });
+  if (possible.size() > kSurestJointFits) possible.resize(kSurestJointFits);
+  for (const Tested* sure : possible) {
+    const bool is_known = std::find(racing.begin(), racing.end(), sure) != racing.end();
+    if (!is_known && sure->evidence.value >= kLeastEvidence) racing.push_back(sure);
   }
   return racing;
 }
@@ -371,6 +377,12 @@ struct JointFits {
 std::vector<JointStart> joint_starts(const Tested& tested, const Explanation& beside,
                                      std::span<const VectorXd> places) {
   std::vector<JointStart> starts;
+  if (tested.fit.law.recording) {
+    for (const VectorXd& place : places) {
+      if (auto start = change_of_gain(beside, tested.fit.law, place)) starts.push_back(std::move(*start));
+    }
+    return starts;
+  }
   if (tested.starts.size() > kMostStarts) return starts;
   ValveFitOptions options = *beside.options;
   options.laws.push_back(tested.fit.law);
@@ -394,9 +406,11 @@ void fit_jointly(const std::vector<const Tested*>& entering, const Explanation& 
   if (bent) places = {beside.v, at_population_mean(beside)};
   for (const Tested* tested : entering) {
     joint.racing.push_back(tested);
-    joint.fitted.push_back(extend(beside, tested->fit, kJointSteps, joint.lowest - kInTheRace * joint.inflation,
-                                  joint_starts(*tested, beside, places)));
-    joint.compare(joint.fitted.back());
+    Explanation fitted = extend(beside, tested->fit, kJointSteps, joint.lowest - kInTheRace * joint.inflation,
+                                joint_starts(*tested, beside, places));
+    if (tested->fit.law.recording) fitted = at_its_instant(std::move(fitted), beside, tested->fit, kJointSteps);
+    joint.compare(fitted);
+    joint.fitted.push_back(std::move(fitted));
   }
 }
 
@@ -563,6 +577,16 @@ Survey survey_all(const LinearisedValve& linear, const Explanation& beside, bool
 double Tested::size() const {
   const std::size_t at = fit.law.law->size_parameter;
   return at < fit.parameters.size() ? fit.parameters[at] : 1;
+}
+
+double own_excess(const Mechanism& law, const VectorXd& v, const ValveFitOptions& options) {
+  if (!options.prior || law.family != "memory") return 0;
+  const double wide = v(kWideLoop) - options.prior->mean(kWideLoop);
+  const double narrow = v(kNarrowLoop) - options.prior->mean(kNarrowLoop);
+  // A dry friction F holds the spool over 2 F.
+  if (law.cause == "friction") return 0.5 * narrow;
+  if (law.cause == "backlash") return narrow;
+  return wide + narrow;
 }
 
 const CauseOnGoodValves* on_good_valves(std::span<const CauseOnGoodValves> causes, std::string_view cause) {

@@ -68,6 +68,9 @@ Contest hold_contest(const Explanation& beside, const ValveDiagnosisOptions& opt
 Contest held_again(const Contest& contest, const Explanation& beside, const Explanation& better,
                    const ValveDiagnosisOptions& options);
 
+/// What the valve's own loops at v hold beyond good valves' mean of what a law of memory does too [A]; 0 for any other.
+double own_excess(const Mechanism& law, const Eigen::VectorXd& v, const ValveFitOptions& options);
+
 /// What good valves show of a cause; null where the reference does not know.
 const CauseOnGoodValves* on_good_valves(std::span<const CauseOnGoodValves> causes, std::string_view cause);
 

@@ -46,8 +46,9 @@ Model Explanation::model() const {
                          KnotCurve(options->knots).rising_through(outputs), options->usual);
   for (std::size_t l = 0; l < options->laws.size(); ++l) {
     const LawInFit& law = options->laws[l];
+    const std::vector<double> parameters = problem->law_parameters(v, l, law.recording.value_or(0));
     MechanismUse use{.cause = std::string(law.law->cause),
-                     .parameters = problem->law_parameters(v, l, law.recording.value_or(0))};
+                     .parameters = law.law->as_written(parameters, model.volume ? &*model.volume : nullptr)};
     if (law.channel) use.channel = problem->recording(0).side[*law.channel].name;
     if (law.recording) use.channel = problem->recording(*law.recording).name;
     model.mechanisms.push_back(std::move(use));

@@ -265,12 +265,16 @@ StaticMap ValveFitProblem::map_of(const VectorXd& v) const {
   return curve_.through(std::vector<double>(first, first + knots_));
 }
 
+Index ValveFitProblem::law_entry(std::size_t law, std::size_t parameter, std::size_t recording) const {
+  const std::size_t shared = options_.laws[law].shared();
+  if (parameter < shared) return law_at_[law] + static_cast<Index>(parameter);
+  return own_at(recording) + law_own_at_[law] + static_cast<Index>(parameter - shared);
+}
+
 std::vector<double> ValveFitProblem::law_parameters(const VectorXd& v, std::size_t law, std::size_t recording) const {
-  const LawInFit& fitted = options_.laws[law];
   std::vector<double> parameters;
-  for (std::size_t j = 0; j < fitted.shared(); ++j) parameters.push_back(v(law_at_[law] + static_cast<Index>(j)));
-  for (std::size_t j = 0; j < fitted.own(); ++j) {
-    parameters.push_back(v(own_at(recording) + law_own_at_[law] + static_cast<Index>(j)));
+  for (std::size_t j = 0; j < options_.laws[law].law->parameters.size(); ++j) {
+    parameters.push_back(v(law_entry(law, j, recording)));
   }
   return parameters;
 }

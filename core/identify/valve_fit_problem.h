@@ -46,6 +46,8 @@ class ValveFitProblem {
   Eigen::VectorXd start_vector(const ValveParameters& parameters) const;
   /// Parameters of one law as one recording sees them.
   std::vector<double> law_parameters(const Eigen::VectorXd& v, std::size_t law, std::size_t recording) const;
+  /// Where the vector has one of them.
+  Eigen::Index law_entry(std::size_t law, std::size_t parameter, std::size_t recording) const;
 
   /// Σ e² / σ² + penalties.
   double cost(const Eigen::VectorXd& v) const;

@@ -125,6 +125,12 @@ struct Mechanism {
 
   bool acts_in_blocks_alone(std::span<const double> at) const { return is_in_blocks && is_in_blocks(at); }
   double written_from(const OrificeVolume* volume) const { return counted_from && volume ? counted_from(*volume) : 0; }
+  /// The nearest parameters that a document with this volume gives back to the last bit.
+  std::vector<double> as_written(std::vector<double> values, const OrificeVolume* volume) const {
+    const double from = written_from(volume);
+    if (size_parameter < values.size() && from != 0) values[size_parameter] = (from + values[size_parameter]) - from;
+    return values;
+  }
 };
 
 /// Every mechanism there is, in the order of the contract's table. The list is made by CMake from the files of this

@@ -17,8 +17,7 @@
 namespace valvetriage {
 namespace {
 
-constexpr std::array<MechanismParameter, 1> kParameters{
-    {{"exponent", "", "of the outflow over the pressure drop"}}};
+constexpr std::array<MechanismParameter, 1> kParameters{{{"exponent", "", "of the outflow over the pressure drop"}}};
 constexpr std::array<std::string_view, 3> kConfusedWith{"static_curve", "leakage", "gain_loss"};
 
 MechanismBounds bounds(const MechanismScales&) {
@@ -29,7 +28,9 @@ void reshape(std::span<const double> parameters, ValveBlocks blocks) {
   blocks.volume.drain_excess_exponent += parameters[0];
 }
 
-double counted_from(const OrificeVolume& volume) { return volume.exponent; }
+double counted_from(const OrificeVolume& volume) {
+  return volume.exponent;
+}
 
 }  // namespace
 

@@ -198,7 +198,9 @@ std::vector<double> law_parameters(const Mechanism& law, JsonFields& fields) {
   return values;
 }
 
-const OrificeVolume* volume_of(const Model& model) { return model.volume ? &*model.volume : nullptr; }
+const OrificeVolume* volume_of(const Model& model) {
+  return model.volume ? &*model.volume : nullptr;
+}
 
 MechanismUse mechanism_from_json(JsonFields fields, const Model& model) {
   MechanismUse use{.cause = fields.text("cause"), .parameters = {}, .channel = fields.text_or("channel", "")};

@@ -119,6 +119,29 @@ TEST(ValveDiagnosis, AToneThatHalfOfTheRecordingsHaveIsNotTheStands) {
   EXPECT_EQ(with_tone(2, 0.2).conclusion, Conclusion::kUnexplained);
 }
 
+TEST(ValveDiagnosis, AReadingThatHoldsAnotherLevelAtEveryRestIsNoSlowNoise) {
+  const test::MadeValve valve;
+  const auto healthy = test::session(valve, kNoise_psi, 5);
+  const Population population(healthy, valve);
+  std::mt19937_64 random(8);
+  std::normal_distribution<double> normal;
+  // One noise that forgets within a second, one reading that sticks until the next half second.
+  const auto with_slow = [&](double rms_psi, bool sticks) {
+    auto recordings = healthy;
+    for (Recording& recording : recordings) {
+      double slow = normal(random);
+      for (std::size_t i = 0; i < recording.samples(); ++i) {
+        if (!sticks) slow = 0.995 * slow + std::sqrt(1 - 0.995 * 0.995) * normal(random);
+        if (sticks && i % 100 == 0) slow = normal(random);
+        recording.output.values[i] += rms_psi * slow;
+      }
+    }
+    return diagnosed(recordings, population).discrepancy.conclusion;
+  };
+  EXPECT_EQ(with_slow(1.5 * kNoise_psi, false), Conclusion::kNone);
+  EXPECT_EQ(with_slow(6 * kNoise_psi, true), Conclusion::kUnexplained);
+}
+
 class ValveDiagnosisOf : public testing::TestWithParam<MechanismUse> {};
 
 TEST_P(ValveDiagnosisOf, NamesTheCauseThatWasPutIn) {
@@ -177,6 +200,56 @@ TEST(ValveDiagnosis, ASpoolThatStopsIsASaturationAndNoDeadBand) {
   EXPECT_EQ(found.causes.front().cause, "saturation");
   EXPECT_NEAR(found.causes.front().parameters.at(0).second.value, 165, 0.5);
   EXPECT_EQ(found.causes.front().parameters.at(2).second.value, 1);
+}
+
+bool holds(const ParameterEstimate& estimate, double value) {
+  return value >= estimate.ci95[0] && value <= estimate.ci95[1];
+}
+
+TEST(ValveDiagnosis, AnExponentIsGivenWholeAndNotAsWhatItHasBeyondTheValves) {
+  const test::MadeValve valve;
+  const Discrepancy found = found_in({.cause = "orifice_flow", .parameters = {-0.12}}, 7);
+  ASSERT_EQ(found.causes.size(), 1u);
+  EXPECT_EQ(found.causes.front().cause, "orifice_flow");
+  const ParameterEstimate& exponent = found.causes.front().parameters.at(0).second;
+  EXPECT_TRUE(holds(exponent, valve.parameters.volume.exponent - 0.12)) << exponent.value;
+  EXPECT_NEAR(exponent.population_mean, valve.parameters.volume.exponent, 0.02);
+}
+
+TEST(ValveDiagnosis, AnIntervalOfAnInstantReachesAsFarAsTheDataAllow) {
+  // A hold near zero pressure says little of when the gain has changed, the edge of a step much.
+  const test::MadeValve valve;
+  const auto healthy = test::session(valve, kNoise_psi, 7);
+  const Population population(healthy, valve);
+  for (const double instant_s : {6.5, 7.7, 9.1, 12.1}) {
+    const auto spoiled =
+        with_cause(healthy, population.model(valve),
+                   {.cause = "intermittent", .parameters = {instant_s, -0.05, 0}, .channel = healthy.back().name});
+    const Discrepancy found = diagnosed(spoiled, population).discrepancy;
+    ASSERT_EQ(found.causes.size(), 1u) << instant_s;
+    EXPECT_EQ(found.causes.front().cause, "intermittent") << instant_s;
+    const auto& parameters = found.causes.front().parameters;
+    EXPECT_TRUE(holds(parameters.at(0).second, instant_s)) << instant_s << " but " << parameters.at(0).second.value;
+    EXPECT_TRUE(holds(parameters.at(1).second, -0.05)) << instant_s << " but " << parameters.at(1).second.value;
+  }
+}
+
+TEST(ValveDiagnosis, ASizeIsWhatGoodValvesDoNotHave) {
+  const test::MadeValve valve;
+  const auto healthy = test::session(valve, kNoise_psi, 7);
+  Population population(healthy, valve);
+  const auto spoiled = with_cause(healthy, population.model(valve), {.cause = "sensor_offset", .parameters = {6}});
+  const ParameterEstimate alone = diagnosed(spoiled, population).discrepancy.causes.at(0).parameters.at(0).second;
+  for (CauseOnGoodValves& good : population.causes) {
+    if (good.cause == "sensor_offset") good.size_mean = 0.5, good.size_sd = 0.2;
+  }
+  const ParameterEstimate beyond = diagnosed(spoiled, population).discrepancy.causes.at(0).parameters.at(0).second;
+  EXPECT_NEAR(beyond.value, alone.value - 0.5, 1e-9);
+  EXPECT_EQ(beyond.population_mean, 0);
+  EXPECT_EQ(beyond.population_sd, 0.2);
+  // Student's t of seven freedoms, one more valve drawn.
+  EXPECT_GT(beyond.ci95[1] - beyond.value, 2.365 * 0.2 * std::sqrt(1 + 1.0 / 8));
+  EXPECT_LT(alone.ci95[1] - alone.value, beyond.ci95[1] - beyond.value);
 }
 
 TEST(ValveDiagnosis, ARivalThatLeavesClearlyMoreIsNoRival) {

@@ -91,7 +91,8 @@ inline Model model(bool with_map) {
   m.output_offset = number();
   for (const Mechanism* law : all_mechanisms()) {
     if (small(0, 9) > 0) continue;
-    m.mechanisms.push_back({std::string(law->cause), numbers(law->parameters.size()), small(0, 1) ? text() : ""});
+    const auto parameters = law->as_written(numbers(law->parameters.size()), m.volume ? &*m.volume : nullptr);
+    m.mechanisms.push_back({std::string(law->cause), parameters, small(0, 1) ? text() : ""});
   }
   return m;
 }

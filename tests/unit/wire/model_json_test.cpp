@@ -151,6 +151,22 @@ TEST(ModelJson, APhysicalCauseIsReadByTheNamesOfItsParameters) {
   EXPECT_EQ(model->mechanisms[0].parameters, (std::vector<double>{0.03, 0.02, 0.3}));
 }
 
+TEST(ModelJson, AnExponentIsWrittenWholeAndNotAsWhatItHasBeyondTheValves) {
+  const Json document =
+      Json{{"schema", "valvetriage.model/1"},
+           {"kind", "valve"},
+           {"input_unit", "A"},
+           {"output_unit", "psi"},
+           {"map", {{"input", {1, 2}}, {"output", {0, 200}}}},
+           {"volume", {{"time_constant_s", 0.06}, {"exponent", 0.5}, {"supply_psi", 480}, {"reference_psi", 105}}},
+           {"transfer_function", linear_model()["transfer_function"]},
+           {"mechanisms", Json::array({{{"cause", "orifice_flow"}, {"parameters", {{"exponent", 0.375}}}}})}};
+  const auto model = model_from_json(document);
+  ASSERT_TRUE(model.has_value()) << model.error().message;
+  EXPECT_EQ(model->mechanisms.at(0).parameters, std::vector<double>{-0.125});
+  EXPECT_EQ(to_json(*model)["mechanisms"], document["mechanisms"]);
+}
+
 TEST(ModelJson, AModelWithoutCausesIsWrittenAsBefore) {
   EXPECT_FALSE(to_json(model_from_json(linear_model()).value()).contains("mechanisms"));
 }
