@@ -77,8 +77,12 @@ class Suite:
 
     def fill(self, pool, kept, what, tasks):
         missing = [call for key, call in tasks if key not in kept]
-        for number, future in enumerate(concurrent.futures.as_completed([pool.submit(*call) for call in missing])):
-            kept.add(future.result())
-            print(f"\r{what}: {number + 1} of {len(missing)}", end="", file=sys.stderr, flush=True)
+        try:
+            for number, future in enumerate(concurrent.futures.as_completed([pool.submit(*call) for call in missing])):
+                kept.add(future.result())
+                print(f"\r{what}: {number + 1} of {len(missing)}", end="", file=sys.stderr, flush=True)
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)  # or hundreds of answers are asked for and thrown away
+            raise
         if missing:
             print(file=sys.stderr)
