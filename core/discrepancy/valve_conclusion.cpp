@@ -155,7 +155,8 @@ void add_parameters(const Explanation& explanation, std::size_t l, std::span<con
     ParameterEstimate estimate{.value = counted_from + values[j] - usual,
                                .std_error = is_varied ? errors[j] : 0,
                                .unit = std::string(law.parameters[j].unit)};
-    if (law.parameters[j].unit == "A") estimate.value += own;
+    const bool is_force = law.cause == "friction" && law.parameters[j].unit == "A";
+    if (j == law.size_parameter || is_force) estimate.value += own;
     double between = is_level ? zero_width95(options) : 0;
     if (is_excess) {
       const double beyond = estimate.value - counted_from - law.neutral;
