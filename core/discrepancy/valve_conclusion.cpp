@@ -134,42 +134,70 @@ double zero_width95(const ValveDiagnosisOptions& options) {
   return zero ? half_width95(*zero, options.good_valves) : 0;
 }
 
+/// What a conclusion is drawn from.
+struct Grounds {
+  const SearchedValve& searched;
+  const ValveDiagnosisOptions& options;
+  Model extended;              ///< of what was searched
+  double inflation = 1;        ///< of the noise
+  std::vector<double> errors;  ///< of every parameter of every law, in order
+
+  const Explanation& explanation() const { return searched.explanation; }
+  std::span<const double> errors_of(std::size_t l) const {
+    std::size_t at = 0;
+    for (std::size_t before = 0; before < l; ++before) at += parameters_of(before);
+    return std::span(errors).subspan(at, parameters_of(l));
+  }
+
+ private:
+  std::size_t parameters_of(std::size_t l) const { return explanation().laws[l].law.law->parameters.size(); }
+};
+
+/// Puts the 95 % interval of a fitted parameter around its estimate: from the profile of the cost, and `between`, what
+/// its reading as a property of this valve alone is uncertain by.
+void add_interval(const Grounds& grounds, std::size_t l, std::size_t parameter, double between,
+                  ParameterEstimate& estimate) {
+  const Explanation& explanation = grounds.explanation();
+  const Eigen::Index entry = explanation.problem->law_entry(l, parameter, 0);
+  for (const int side : {-1, 1}) {
+    double width = kTwoSided95 * estimate.std_error;
+    if (width > 0) {
+      width = profiled_width(explanation, entry, side * width, kTwoSided95 * kTwoSided95 * grounds.inflation);
+    }
+    estimate.ci95[side < 0 ? 0 : 1] = estimate.value + side * std::hypot(width, between);
+  }
+}
+
 /// The parameters of a cause. A size is what the valve has beyond good valves, as far as these tell: what its own loops
 /// and the law's leftover on good valves have of it is taken off.
-void add_parameters(const Explanation& explanation, std::size_t l, std::span<const double> errors, double inflation,
-                    const ValveDiagnosisOptions& options, NamedCause& named) {
+void add_parameters(const Grounds& grounds, std::size_t l, NamedCause& named) {
+  const Explanation& explanation = grounds.explanation();
   const LawInFit& in_fit = explanation.laws[l].law;
   const Mechanism& law = *in_fit.law;
-  const CauseOnGoodValves* good = on_good_valves(options.causes, law.cause);
+  const CauseOnGoodValves* good = on_good_valves(grounds.options.causes, law.cause);
+  const int good_valves = grounds.options.good_valves;
   const std::vector<double> values = explanation.problem->law_parameters(explanation.v, l, 0);
-  const Model model = explanation.model();
   const double own = own_excess(law, explanation.v, *explanation.options);
   for (std::size_t j = 0; j < law.parameters.size(); ++j) {
+    const bool has_neutral = std::isfinite(law.neutral);
+    const bool is_size = good && j == law.size_parameter;
+    const bool is_excess = is_size && has_neutral;
+    const bool is_level = j == law.size_parameter && !has_neutral && law.parameters[j].unit == "psi";
+    const bool is_force = law.cause == "friction" && law.parameters[j].unit == "A";
     // A whole number is searched and not varied: no error comes with it.
     const bool is_varied = in_fit.step[j] > 0;
-    const bool is_size = good && j == law.size_parameter;
-    const bool is_excess = is_size && std::isfinite(law.neutral);
-    const bool is_level = law.size_parameter == j && !std::isfinite(law.neutral) && law.parameters[j].unit == "psi";
-    const double counted_from = j == law.size_parameter ? law.written_from(model.volume ? &*model.volume : nullptr) : 0;
+    const double counted_from = j == law.size_parameter ? law.written_from(grounds.extended.volume) : 0;
     const double usual = is_excess ? good->size_mean - law.neutral : 0;
     ParameterEstimate estimate{.value = counted_from + values[j] - usual,
-                               .std_error = is_varied ? errors[j] : 0,
+                               .std_error = is_varied ? grounds.errors_of(l)[j] : 0,
                                .unit = std::string(law.parameters[j].unit)};
-    const bool is_force = law.cause == "friction" && law.parameters[j].unit == "A";
     if (j == law.size_parameter || is_force) estimate.value += own;
-    double between = is_level ? zero_width95(options) : 0;
+    double between = is_level ? zero_width95(grounds.options) : 0;
     if (is_excess) {
       const double beyond = estimate.value - counted_from - law.neutral;
-      between = std::hypot(half_width95(*good, options.good_valves), kTwoSided95 * kIdealisation * beyond);
+      between = std::hypot(half_width95(*good, good_valves), kTwoSided95 * kIdealisation * beyond);
     }
-    const Eigen::Index entry = explanation.problem->law_entry(l, j, 0);
-    for (const int side : {-1, 1}) {
-      double width = kTwoSided95 * estimate.std_error;
-      if (is_varied && width > 0) {
-        width = profiled_width(explanation, entry, side * width, kTwoSided95 * kTwoSided95 * inflation);
-      }
-      estimate.ci95[side < 0 ? 0 : 1] = estimate.value + side * std::hypot(width, between);
-    }
+    add_interval(grounds, l, j, between, estimate);
     estimate.population_mean = is_excess ? counted_from + law.neutral : is_size ? good->size_mean : kUnknown;
     estimate.population_sd = is_size ? good->size_sd : kUnknown;
     if (is_size) {
@@ -180,10 +208,9 @@ void add_parameters(const Explanation& explanation, std::size_t l, std::span<con
   }
 }
 
-NamedCause named_cause(const SearchedValve& searched, std::size_t l, bool explained, std::span<const double> errors,
-                       double inflation, const ValveDiagnosisOptions& options) {
-  const Mechanism& law = *searched.explanation.laws[l].law.law;
-  const WonPlace& place = searched.places[l];
+NamedCause named_cause(const Grounds& grounds, std::size_t l, bool explained) {
+  const Mechanism& law = *grounds.explanation().laws[l].law.law;
+  const WonPlace& place = grounds.searched.places[l];
   NamedCause named{
       .cause = std::string(law.cause), .family = std::string(law.family), .origin = std::string(law.origin)};
   named.p_value = place.p_value;
@@ -205,22 +232,22 @@ NamedCause named_cause(const SearchedValve& searched, std::size_t l, bool explai
         std::find_if(place.ranked.begin(), place.ranked.end(), [&](const Ranked& r) { return r.cause != named.cause; });
     if (next != place.ranked.end()) named.alternatives.push_back(next->cause);
   }
-  add_parameters(searched.explanation, l, errors, inflation, options, named);
+  add_parameters(grounds, l, named);
   return named;
 }
 
 /// The largest size of a law beside the explanation that the data do not exclude, good valves' own spread included.
-std::map<std::string, double> limit_of(const LinearisedValve& linear, const Explanation& explanation,
-                                       const Tested& tested, double inflation, const ValveDiagnosisOptions& options) {
+std::map<std::string, double> limit_of(const Grounds& grounds, const LinearisedValve& linear, const Tested& tested) {
+  const Explanation& explanation = grounds.explanation();
   const Mechanism& law = *tested.fit.law.law;
   const bool is_in = std::any_of(explanation.laws.begin(), explanation.laws.end(),
                                  [&](const LawFit& other) { return other.law.law->family == law.family; });
   if (is_in || law.size_parameter >= law.parameters.size()) return {};
-  const CauseOnGoodValves* good = on_good_valves(options.causes, law.cause);
-  const auto limit = upper_limit95(linear, *explanation.options, tested.fit, inflation, good ? good->size_sd : 0);
+  const CauseOnGoodValves* good = on_good_valves(grounds.options.causes, law.cause);
+  const auto limit =
+      upper_limit95(linear, *explanation.options, tested.fit, grounds.inflation, good ? good->size_sd : 0);
   if (!limit) return {};
-  const Model model = explanation.model();
-  const double from = law.written_from(model.volume ? &*model.volume : nullptr);
+  const double from = law.written_from(grounds.extended.volume);
   return {{std::string(law.parameters[law.size_parameter].name), from + *limit}};
 }
 
@@ -246,17 +273,16 @@ Alternative alternative(const Explanation& explanation, std::string cause, doubl
   return alternative;
 }
 
-std::optional<NextTest> next_test(const SearchedValve& searched, const std::vector<NamedCause>& causes,
-                                  double inflation) {
-  const auto open = open_place(causes);
-  if (!open) return std::nullopt;
-  const WonPlace& place = searched.places[*open];
-  const Explanation& explanation = searched.explanation;
+/// The causes of a place, as they were fitted together with the valve.
+std::vector<Alternative> alternatives_at(const Grounds& grounds, std::size_t open, const NamedCause& named) {
+  const WonPlace& place = grounds.searched.places[open];
+  const Explanation& explanation = grounds.explanation();
+  const double inflation = grounds.inflation;
   std::vector<Alternative> alternatives;
-  alternatives.push_back(alternative(explanation, causes[*open].cause, causes[*open].probability, inflation));
+  alternatives.push_back(alternative(explanation, named.cause, named.probability, inflation));
   std::optional<Explanation> others;
   for (const Ranked& r : place.ranked) {
-    const auto& listed = causes[*open].alternatives;
+    const auto& listed = named.alternatives;
     if (std::find(listed.begin(), listed.end(), r.cause) == listed.end()) continue;
     const double probability = std::max(r.probability, kWorthNaming);
     const auto fitted = std::find_if(place.rivals.begin(), place.rivals.end(), [&](const Explanation& rival) {
@@ -266,14 +292,34 @@ std::optional<NextTest> next_test(const SearchedValve& searched, const std::vect
       alternatives.push_back(alternative(*fitted, r.cause, probability, inflation));
       continue;
     }
-    const auto tested = std::find_if(searched.first.survey.tested.begin(), searched.first.survey.tested.end(),
-                                     [&](const Tested& t) { return t.cause() == r.cause; });
+    const std::vector<Tested>& surveyed = grounds.searched.first.survey.tested;
+    const auto tested =
+        std::find_if(surveyed.begin(), surveyed.end(), [&](const Tested& t) { return t.cause() == r.cause; });
     // A search beside the baseline alone knows nothing of further laws.
-    if (tested == searched.first.survey.tested.end() || explanation.laws.size() > 1) continue;
-    if (!others) others = without(explanation, *open, 0);
+    if (tested == surveyed.end() || explanation.laws.size() > 1) continue;
+    if (!others) others = without(explanation, open, 0);
     alternatives.push_back(
         alternative(extend(*others, tested->fit, kRefitSteps, explanation.cost), r.cause, probability, inflation));
   }
+  return alternatives;
+}
+
+/// Inflated noise variances by which one of a place's causes must still come to lead another before that is out.
+double lead_still_asked_for(std::span<const Ranked> ranked, const std::string& cause, const std::string& rival,
+                            bool leaves_usual, double inflation, const ValveDiagnosisOptions& options) {
+  const auto of = [&](const std::string& name) {
+    return std::find_if(ranked.begin(), ranked.end(), [&](const Ranked& r) { return r.cause == name; });
+  };
+  const auto winner = of(cause), other = of(rival);
+  if (winner == ranked.end() || other == ranked.end()) return kLeastEvidence;
+  const double lead = (winner->reduction - other->reduction) / inflation;
+  return lead_asked_for(*winner, *other, leaves_usual, inflation, options) - lead;
+}
+
+std::optional<NextTest> next_test(const Grounds& grounds, const std::vector<NamedCause>& causes, bool leaves_usual) {
+  const auto open = open_place(causes);
+  if (!open) return std::nullopt;
+  const Explanation& explanation = grounds.explanation();
   const ValveFitProblem& problem = *explanation.problem;
   AdviceOptions advice{.input_low = std::numeric_limits<double>::infinity(),
                        .input_high = -std::numeric_limits<double>::infinity()};
@@ -292,8 +338,12 @@ std::optional<NextTest> next_test(const SearchedValve& searched, const std::vect
   // What the best explanation leaves above the noise is the same in every sample of its place.
   advice.bias_rms = advice.noise_rms * std::sqrt(std::max(0.0, explanation.cost - noise_cost(explanation)) / samples);
   advice.sample_rate_hz = 1 / period_s;
-  advice.least_log_odds = 0.5 * kLeastEvidence;
-  return advise_next_test(alternatives, advice);
+  const std::vector<Ranked>& ranked = grounds.searched.places[*open].ranked;
+  advice.least_log_odds = [&](const Alternative& true_one, const Alternative& rival) {
+    return 0.5 *
+           lead_still_asked_for(ranked, true_one.cause, rival.cause, leaves_usual, grounds.inflation, grounds.options);
+  };
+  return advise_next_test(alternatives_at(grounds, *open, causes[*open]), advice);
 }
 
 /// Free runs of the explanation without each of its laws in turn, nothing else moved.
@@ -321,9 +371,9 @@ void measure_each(const SearchedValve& searched, Discrepancy& discrepancy) {
   }
 }
 
-std::vector<Candidate> candidates_of(const SearchedValve& searched, const Discrepancy& discrepancy,
-                                     const Leftover& leftover, const LinearisedValve& linear, double inflation,
-                                     const ValveDiagnosisOptions& options) {
+std::vector<Candidate> candidates_of(const Grounds& grounds, const Discrepancy& discrepancy, const Leftover& leftover,
+                                     const LinearisedValve& linear) {
+  const SearchedValve& searched = grounds.searched;
   const bool is_none = discrepancy.conclusion == Conclusion::kNone;
   const bool is_unknown = discrepancy.conclusion == Conclusion::kUnexplained;
   const std::size_t laws = searched.explanation.laws.size();
@@ -350,7 +400,7 @@ std::vector<Candidate> candidates_of(const SearchedValve& searched, const Discre
                                         r.reduction, r.p_value);
       }
     }
-    candidate.upper_limit95 = limit_of(linear, searched.explanation, tested, inflation, options);
+    candidate.upper_limit95 = limit_of(grounds, linear, tested);
     candidates.push_back(std::move(candidate));
   }
   if (laws > 1) {
@@ -369,40 +419,49 @@ std::vector<Candidate> candidates_of(const SearchedValve& searched, const Discre
   return candidates;
 }
 
+/// Whether what is left of the valve is what good valves leave, or little of what was there, and no sign speaks against
+/// the causes.
+bool is_explained(const Grounds& grounds, const LinearisedValve& linear, const Leftover& leftover,
+                  const std::vector<Finding>& findings, const DiscrepancyGain& gain) {
+  const Explanation& explanation = grounds.explanation();
+  const Explanation& baseline = grounds.searched.baseline;
+  // A disturbance acts at rest as well: what it leaves there that is no white noise is not explained by it.
+  const bool is_disturbed = std::any_of(explanation.laws.begin(), explanation.laws.end(),
+                                        [](const LawFit& law) { return law.law.law->family == "disturbance"; });
+  if (is_disturbed && leftover.at_rest_deviations > kWhiteAtRest) return false;
+  if (comes_and_goes(explanation, baseline)) return false;
+  // What makes recordings that it was not fitted to worse is not what happened, however well it fits the others.
+  if (gain.reduction < -kMostHarm) return false;
+
+  const double noise = noise_cost(explanation);
+  const bool is_loud = explanation.cost > kLoud * std::max(noise, leftover.at_rest * linear.samples());
+  const bool is_left = leftover.p_value < kFalseAlarm || leftover.slow_at_rest > kMostSlowNoise ||
+                       (explanation.laws.empty() ? has_certain_line(findings) : is_loud);
+  const double there = baseline.cost - noise_cost(baseline);
+  const double remains = std::max(0.0, explanation.cost - noise);
+  return !is_left || (!explanation.laws.empty() && remains < kMostLeft * there);
+}
+
 }  // namespace
 
 ValveDiagnosis conclude(const SearchedValve& searched, const ValveDiagnosisOptions& options) {
   const Explanation& explanation = searched.explanation;
-  ValveDiagnosis diagnosis;
-  Discrepancy& discrepancy = diagnosis.discrepancy;
-  const LinearisedValve linear(*explanation.problem, explanation.v);
   const double inflation = noise_inflation(whitened_residual(explanation));
+  const Grounds grounds{.searched = searched,
+                        .options = options,
+                        .extended = explanation.model(),
+                        .inflation = inflation,
+                        .errors = explanation.standard_errors(inflation)};
+  const LinearisedValve linear(*explanation.problem, explanation.v);
   Leftover leftover = leftover_of(linear, options);
   std::vector<Finding> findings = dependences(searched.baseline);
-  const double noise = noise_cost(explanation);
-  const double there = searched.baseline.cost - noise_cost(searched.baseline);
-  const double remains = std::max(0.0, explanation.cost - noise);
-  const bool is_loud = explanation.cost > kLoud * std::max(noise, leftover.at_rest * linear.samples());
-  const bool is_left = leftover.p_value < kFalseAlarm || leftover.slow_at_rest > kMostSlowNoise ||
-                       (explanation.laws.empty() ? has_certain_line(findings) : is_loud);
-  // A disturbance acts at rest as well: what it leaves there that is no white noise is not explained by it.
-  const bool is_disturbed = std::any_of(explanation.laws.begin(), explanation.laws.end(),
-                                        [](const LawFit& law) { return law.law.law->family == "disturbance"; });
-  const bool is_partial =
-      (is_disturbed && leftover.at_rest_deviations > kWhiteAtRest) || comes_and_goes(explanation, searched.baseline);
-  discrepancy.gain = measure_gain(searched.baseline, explanation);
-  // What makes recordings that it was not fitted to worse is not what happened, however well it fits the others.
-  const bool misleads = discrepancy.gain.reduction < -kMostHarm;
-  const bool explained =
-      !is_partial && !misleads && (!is_left || (!explanation.laws.empty() && remains < kMostLeft * there));
 
-  const std::vector<double> errors = explanation.standard_errors(inflation);
-  std::size_t error_at = 0;
+  ValveDiagnosis diagnosis;
+  Discrepancy& discrepancy = diagnosis.discrepancy;
+  discrepancy.gain = measure_gain(searched.baseline, explanation);
+  const bool explained = is_explained(grounds, linear, leftover, findings, discrepancy.gain);
   for (std::size_t l = 0; l < explanation.laws.size(); ++l) {
-    const std::size_t parameters = explanation.laws[l].law.law->parameters.size();
-    discrepancy.causes.push_back(
-        named_cause(searched, l, explained, std::span(errors).subspan(error_at, parameters), inflation, options));
-    error_at += parameters;
+    discrepancy.causes.push_back(named_cause(grounds, l, explained));
   }
   if (!explained) {
     discrepancy.conclusion = Conclusion::kUnexplained;
@@ -415,10 +474,10 @@ ValveDiagnosis conclude(const SearchedValve& searched, const ValveDiagnosisOptio
   discrepancy.findings = std::move(findings);
   discrepancy.findings.insert(discrepancy.findings.end(), leftover.findings.begin(), leftover.findings.end());
   measure_each(searched, discrepancy);
-  discrepancy.candidates = candidates_of(searched, discrepancy, leftover, linear, inflation, options);
-  discrepancy.next_test = next_test(searched, discrepancy.causes, inflation);
+  discrepancy.candidates = candidates_of(grounds, discrepancy, leftover, linear);
+  discrepancy.next_test = next_test(grounds, discrepancy.causes, leftover.p_value > kUsualLeftover);
 
-  diagnosis.extended_model = explanation.model();
+  diagnosis.extended_model = grounds.extended;
   for (std::size_t r = 0; r < explanation.problem->recordings(); ++r) {
     diagnosis.extended.push_back(explanation.problem->simulate(explanation.v, r));
   }

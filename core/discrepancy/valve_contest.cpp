@@ -11,7 +11,7 @@
 
 #include "core/discrepancy/evidence.h"
 #include "core/discrepancy/heldout.h"
-#include "core/discrepancy/instants.h"
+#include "core/discrepancy/joint_fits.h"
 #include "core/discrepancy/leftover.h"
 #include "core/discrepancy/slip_search.h"
 #include "core/discrepancy/valve_catalogue.h"
@@ -29,19 +29,14 @@ constexpr double kLeastShare = 0.02;
 // A size that one good valve in a hundred has by the spread of the others says nothing against a valve.
 constexpr double kLikeGoodValves = 0.01;
 // Joint fits of those that the survey leaves in the race: this many at most, none that promises less than this share of
-// the best, each until it is this far behind the best in ln likelihood.
+// the best.
 constexpr std::size_t kMostJointFits = 4;
 // And beside those that promise most this many of those whose simulations are known to bring most.
 constexpr std::size_t kSurestJointFits = 2;
 constexpr double kLeastForecast = 0.05;
-constexpr double kInTheRace = 30;
 constexpr std::size_t kGoodValveJointFits = 3;
 // A search that noise alone gives this much takes more than fifty instants or tones.
 constexpr double kLongSearch = 8;
-constexpr int kJointSteps = 40;
-constexpr std::size_t kMostStarts = 16;
-// The start that simulates best is not always the one whose fit ends best.
-constexpr std::size_t kStartsFromPlace = 2;
 // A residual this many times slower than white noise has bent the baseline.
 constexpr double kBent = 6;
 // So has a fit this many standard deviations of χ² farther from the population than a good valve is.
@@ -52,14 +47,10 @@ constexpr double kFamilyMargin = 1 / 1.5;
 // The same margins, of the rms of what is left.
 constexpr double kClearlyMore = 1.2 * 1.2;
 constexpr double kClearlyMoreInFamily = 1.5 * 1.5;
-// What one good valve in a hundred has tells nothing between two causes; what one in twenty leaves is unusual.
+// What one good valve in a hundred has tells nothing between two causes.
 constexpr double kRareInGoodValves = 0.01;
-constexpr double kUsualLeftover = 0.05;
 constexpr double kRivalShare = 0.25;
 constexpr double kRivalInGoodValves = 0.05;
-
-/// Entries of the parameter vector.
-constexpr Index kWideLoop = 3, kNarrowLoop = 7;
 
 std::string cause_of(const Explanation& explanation) {
   return std::string(explanation.laws.back().law.law->cause);
@@ -171,13 +162,6 @@ double p_value_of(const Tested& tested, const Evidence& evidence, double size, c
   const double by_size = p_value_of_size(law, size, from_none / std::sqrt(beyond_search), *good, options.good_valves);
   if (by_size > kLikeGoodValves) return 1;
   return std::min(1.0, 2 * std::min(by_evidence, by_size));
-}
-
-/// The population's mean beside the laws already found, with the recordings' own states.
-VectorXd at_population_mean(const Explanation& explanation) {
-  VectorXd v = explanation.v;
-  if (explanation.options->prior) v.head(explanation.problem->baseline_size()) = explanation.options->prior->mean;
-  return explanation.problem->clamped(v);
 }
 
 /// Takes over what a survey from another point found better: what it simulates, or where no simulation bears out either
@@ -305,6 +289,20 @@ double scatter_between(const Ranked& a, const Ranked& b, const ValveDiagnosisOpt
   return boost::math::quantile(boost::math::complement(student, kRareInGoodValves)) * std::sqrt(variance * (1 + 1 / n));
 }
 
+bool are_kin(const Ranked& a, const Ranked& b) {
+  return find_mechanism(a.cause)->family == find_mechanism(b.cause)->family;
+}
+
+/// How many times the mean square that its winner leaves a rival must leave.
+double clearly_more(const Ranked& winner, const Ranked& rival) {
+  return are_kin(winner, rival) ? kClearlyMoreInFamily : kClearlyMore;
+}
+
+/// Stick-slip whose kinetic force is that of breakaway is play: one that fits worse has not found its best.
+bool is_never_out(const Ranked& rival, const Ranked& winner) {
+  return rival.sticks && !winner.sticks;
+}
+
 /// Whether an explanation leaves nothing that good valves do not leave.
 bool leaves_the_usual(const LinearisedValve& linear, const ValveDiagnosisOptions& options) {
   return leftover_of(linear, options).p_value > kUsualLeftover;
@@ -317,28 +315,29 @@ bool leaves_the_usual(const Explanation& explanation, const ValveDiagnosisOption
 /// likelihood alone does not settle the name, and such rivals keep a share of the probability. What the law gets wrong
 /// shows in what it leaves: a rival is out where the evidence against it is beyond what good valves differ by, and it
 /// leaves clearly more than the winner or the winner leaves nothing unusual. Laws of one family look alike and differ
-/// in what a baseline without a good valve's own friction gets wrong first: between them it takes more.
+/// in what a baseline without a good valve's own friction gets wrong first: between them it takes more, and nothing is
+/// settled while a part of what they are about is left in the valve.
 void keep_margins(Contest& contest, std::span<const Explanation> fitted, const ValveDiagnosisOptions& options) {
   std::vector<Ranked>& ranked = contest.ranked;
   const Ranked won =
       *std::find_if(ranked.begin(), ranked.end(), [&](const Ranked& r) { return r.cause == contest.cause; });
+  const Explanation* winner = fit_of(won.cause, fitted);
+  const bool is_family_open = winner && leaves_memory(*winner->laws.back().law.law, winner->v, options);
   std::optional<bool> usual;
-  const auto is_out = [&](const Ranked& r, double clearly_more) {
-    // Stick-slip whose kinetic force is that of breakaway is play: one that fits worse has not found its best.
-    if (r.sticks && !won.sticks) return false;
+  const auto is_out = [&](const Ranked& r) {
+    if (is_never_out(r, won)) return false;
     const double against = 2 * (won.log_likelihood - r.log_likelihood);
     if (against < kLeastEvidence + scatter_between(won, r, options)) return false;
-    if (won.left + won.reduction - r.reduction > clearly_more * won.left) return true;
-    const Explanation* fit = fit_of(won.cause, fitted);
-    if (!usual) usual = fit && leaves_the_usual(*fit, options);
+    if (won.left + won.reduction - r.reduction > clearly_more(won, r) * won.left) return true;
+    if (!usual) usual = winner && leaves_the_usual(*winner, options);
     return *usual;
   };
   double sum = 0;
   for (Ranked& r : ranked) {
-    const bool is_kin = find_mechanism(r.cause)->family == find_mechanism(won.cause)->family;
+    const bool is_kin = are_kin(won, r);
     const bool is_near = r.reduction >= (is_kin ? kFamilyMargin : kMargin) * won.reduction;
-    if (r.cause != won.cause && is_near && competes_with(won.cause, r) &&
-        !is_out(r, is_kin ? kClearlyMoreInFamily : kClearlyMore)) {
+    const bool is_open = is_kin && is_family_open && r.fitted_jointly;
+    if (r.cause != won.cause && competes_with(won.cause, r) && (is_open || (is_near && !is_out(r)))) {
       r.probability = std::max(r.probability, kRivalShare);
     }
     sum += r.probability;
@@ -355,90 +354,6 @@ double rank_of(const Tested& tested, double reduction, std::span<const CauseOnGo
   const CauseOnGoodValves* good = on_good_valves(causes, tested.cause());
   const double excess = reduction / inflation - (good ? good->evidence_mean : 0);
   return log_likelihood(-excess * inflation, tested.fit.freedoms, inflation, samples);
-}
-
-/// The laws that the survey leaves in the race, each fitted together with the valve.
-struct JointFits {
-  std::vector<const Tested*> racing;
-  std::vector<Explanation> fitted;     ///< in the order of `racing`
-  double lowest = 0;                   ///< cost of the best of them, or of what they stand beside
-  double inflation = 1;                ///< of the noise, by the best of them
-  std::vector<std::string> borne_out;  ///< causes that recordings left out of the fit have confirmed
-
-  void compare(const Explanation& with) {
-    if (with.cost >= lowest) return;
-    lowest = with.cost;
-    inflation = noise_inflation(whitened_residual(with));
-  }
-};
-
-/// Where a law's joint fit may begin beside where its search ended: from each of the given places of the valve, those
-/// of the search's starts which simulate best. Searches over many instants or tones need no more starts.
-std::vector<JointStart> joint_starts(const Tested& tested, const Explanation& beside,
-                                     std::span<const VectorXd> places) {
-  std::vector<JointStart> starts;
-  if (tested.fit.law.recording) {
-    for (const VectorXd& place : places) {
-      if (auto start = change_of_gain(beside, tested.fit.law, place)) starts.push_back(std::move(*start));
-    }
-    return starts;
-  }
-  if (tested.starts.size() > kMostStarts) return starts;
-  ValveFitOptions options = *beside.options;
-  options.laws.push_back(tested.fit.law);
-  const ValveFitProblem problem(*beside.problem, options);
-  for (const VectorXd& place : places) {
-    std::vector<std::pair<double, const std::vector<double>*>> by_cost;
-    for (const std::vector<double>& start : tested.starts) {
-      const double cost = problem.cost(problem.clamped(beside.problem->continued_in(problem, place, start)));
-      if (std::isfinite(cost)) by_cost.emplace_back(cost, &start);
-    }
-    std::sort(by_cost.begin(), by_cost.end());
-    if (by_cost.size() > kStartsFromPlace) by_cost.resize(kStartsFromPlace);
-    for (const auto& [cost, start] : by_cost) starts.push_back({place, *start});
-  }
-  return starts;
-}
-
-void fit_jointly(const std::vector<const Tested*>& entering, const Explanation& beside, bool bent, JointFits& joint) {
-  // A fit that has bent towards a fault is far from the valve under it: begin from where a good valve stands as well.
-  std::vector<VectorXd> places;
-  if (bent) places = {beside.v, at_population_mean(beside)};
-  for (const Tested* tested : entering) {
-    joint.racing.push_back(tested);
-    Explanation fitted = extend(beside, tested->fit, kJointSteps, joint.lowest - kInTheRace * joint.inflation,
-                                joint_starts(*tested, beside, places));
-    if (tested->fit.law.recording) fitted = at_its_instant(std::move(fitted), beside, tested->fit, kJointSteps);
-    joint.compare(fitted);
-    joint.fitted.push_back(std::move(fitted));
-  }
-}
-
-/// What leaves least: the best joint fit, or what they all stand beside.
-const Explanation& closest_of(const JointFits& joint, const Explanation& beside) {
-  const auto lowest = std::min_element(joint.fitted.begin(), joint.fitted.end(),
-                                       [](const Explanation& a, const Explanation& b) { return a.cost < b.cost; });
-  return lowest == joint.fitted.end() || lowest->cost >= beside.cost ? beside : *lowest;
-}
-
-/// Laws that make the spool stick, from what its slips show: in free runs a slip more or less hides where they belong,
-/// and what a bent fit forecasts of them is nothing, whatever it promises.
-void fit_from_slips(const Survey& survey, const Explanation& beside, JointFits& joint) {
-  const VectorXd place = at_population_mean(beside);
-  for (const Tested& tested : survey.tested) {
-    if (!makes_stick(tested.fit.law, beside)) continue;
-    Explanation fitted = extend(beside, tested.fit, kJointSteps, joint.lowest - kInTheRace * joint.inflation,
-                                slip_starts(beside, tested.fit.law, place));
-    joint.compare(fitted);
-    const auto known = std::find(joint.racing.begin(), joint.racing.end(), &tested);
-    if (known == joint.racing.end()) {
-      joint.racing.push_back(&tested);
-      joint.fitted.push_back(std::move(fitted));
-    } else if (Explanation& before = joint.fitted[static_cast<std::size_t>(known - joint.racing.begin())];
-               fitted.cost < before.cost) {
-      before = std::move(fitted);
-    }
-  }
 }
 
 /// Probability that a good valve has as much of the law that came last, by its size and the error of the whole fit. 0
@@ -545,9 +460,11 @@ void award(Contest& contest, std::vector<Explanation> fitted) {
   }
 }
 
-/// Whether a residual is far slower than noise and than what good valves leave: some fault is still in it.
-bool hides_a_fault(double inflation, const LinearisedValve& linear, const ValveDiagnosisOptions& options) {
-  return inflation > kBent && (options.leftovers.empty() || !leaves_the_usual(linear, options));
+/// Whether what is left is far slower than noise, by its inflation, and than what good valves leave: some fault is
+/// still in it. `left` is an explanation or its linearisation.
+template <typename Left>
+bool hides_a_fault(double inflation, const Left& left, const ValveDiagnosisOptions& options) {
+  return inflation > kBent && (options.leftovers.empty() || !leaves_the_usual(left, options));
 }
 
 /// Whether the fit has bent towards a fault: what it leaves shows one, or it had to go where good valves are not.
@@ -580,13 +497,28 @@ double Tested::size() const {
 }
 
 double own_excess(const Mechanism& law, const VectorXd& v, const ValveFitOptions& options) {
-  if (!options.prior || law.family != "memory") return 0;
-  const double wide = v(kWideLoop) - options.prior->mean(kWideLoop);
-  const double narrow = v(kNarrowLoop) - options.prior->mean(kNarrowLoop);
-  // A dry friction F holds the spool over 2 F.
-  if (law.cause == "friction") return 0.5 * narrow;
-  if (law.cause == "backlash") return narrow;
-  return wide + narrow;
+  if (!options.prior || !law.memory) return 0;
+  const double wide = v(ValveFitProblem::kLoop) - options.prior->mean(ValveFitProblem::kLoop);
+  const double narrow = v(ValveFitProblem::kNarrowLoop) - options.prior->mean(ValveFitProblem::kNarrowLoop);
+  std::vector<double> parameters(law.parameters.size(), 1.0);
+  law.memory->take_over(law.memory->has_corners ? narrow : wide + narrow, parameters);
+  return parameters[law.size_parameter];
+}
+
+double lead_asked_for(const Ranked& winner, const Ranked& rival, bool leaves_usual, double inflation,
+                      const ValveDiagnosisOptions& options) {
+  if (is_never_out(rival, winner)) return std::numeric_limits<double>::infinity();
+  const double told_apart = kLeastEvidence + scatter_between(winner, rival, options);
+  return leaves_usual ? told_apart : std::max(told_apart, (clearly_more(winner, rival) - 1) * winner.left / inflation);
+}
+
+bool leaves_memory(const Mechanism& law, const VectorXd& v, const ValveDiagnosisOptions& options) {
+  if (!law.memory || !options.fit.prior || options.good_valves < 2) return false;
+  const Index other = law.memory->has_corners ? ValveFitProblem::kLoop : ValveFitProblem::kNarrowLoop;
+  const ValvePrior& good = *options.fit.prior;
+  const double excess = (v(other) - good.mean(other)) / std::sqrt(good.covariance(other, other));
+  const boost::math::students_t student(options.good_valves - 1);
+  return boost::math::cdf(boost::math::complement(student, excess)) < kNamedFalseAlarm;
 }
 
 const CauseOnGoodValves* on_good_valves(std::span<const CauseOnGoodValves> causes, std::string_view cause) {
@@ -644,11 +576,9 @@ Contest hold_contest(const Explanation& beside, const ValveDiagnosisOptions& opt
   if (bent) {
     const std::string leading(joint.racing.front()->cause());
     fit_jointly(late_entries(leading, contest.survey, joint.racing), beside, bent, joint);
-    const Explanation& closest = closest_of(joint, beside);
+    fit_in_place_of_kin(beside, joint);
     const double left = joint.lowest < beside.cost ? joint.inflation : inflation;
-    if (hides_a_fault(left, LinearisedValve(*closest.problem, closest.v), options)) {
-      fit_from_slips(contest.survey, beside, joint);
-    }
+    if (hides_a_fault(left, closest_of(joint, beside), options)) fit_from_slips(contest.survey, beside, joint);
   }
   enter(contest, joint, linear, beside, options);
   settle_borne_out(contest, joint, beside, laws, options);
@@ -656,6 +586,9 @@ Contest hold_contest(const Explanation& beside, const ValveDiagnosisOptions& opt
     const auto late = late_entries(contest.cause, contest.survey, joint.racing);
     if (!late.empty()) {
       fit_jointly(late, beside, true, joint);
+      const bool is_news =
+          std::any_of(late.begin(), late.end(), [](const Tested* tested) { return tested->is_of_memory(); });
+      if (is_news) fit_in_place_of_kin(beside, joint);
       enter(contest, joint, linear, beside, options);
       settle_borne_out(contest, joint, beside, laws, options);
     }

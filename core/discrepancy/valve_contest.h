@@ -22,6 +22,7 @@ struct Tested {
 
   std::string cause() const { return std::string(fit.law.law->cause); }
   double size() const;
+  bool is_of_memory() const { return fit.law.law->memory != nullptr; }
 };
 
 /// Every law beside an explanation, each fitted to what that leaves and the valve cannot absorb.
@@ -68,8 +69,17 @@ Contest hold_contest(const Explanation& beside, const ValveDiagnosisOptions& opt
 Contest held_again(const Contest& contest, const Explanation& beside, const Explanation& better,
                    const ValveDiagnosisOptions& options);
 
+/// Inflated noise variances by which a winner has to lead a rival that is as near as this one before it is out.
+/// `leaves_usual` is whether the winner leaves nothing that good valves do not leave. Infinite: no lead settles it.
+double lead_asked_for(const Ranked& winner, const Ranked& rival, bool leaves_usual, double inflation,
+                      const ValveDiagnosisOptions& options);
+
 /// What the valve's own loops at v hold beyond good valves' mean of what a law of memory does too [A]; 0 for any other.
 double own_excess(const Mechanism& law, const Eigen::VectorXd& v, const ValveFitOptions& options);
+
+/// Whether a valve at v, explained by a law of memory, keeps the other of its own loops wider than good valves have it:
+/// some memory of another kind is still in there, and its kind is not settled. False for any other law.
+bool leaves_memory(const Mechanism& law, const Eigen::VectorXd& v, const ValveDiagnosisOptions& options);
 
 /// What good valves show of a cause; null where the reference does not know.
 const CauseOnGoodValves* on_good_valves(std::span<const CauseOnGoodValves> causes, std::string_view cause);
@@ -79,6 +89,9 @@ inline constexpr double kFalseAlarm = 0.005;
 /// Beside this p-value, `none` has odds of 1 to 19 at the least: −e p ln p (Sellke, Bayarri and Berger, American
 /// Statistician 55 (2001) 62). No name is surer than that above it.
 inline constexpr double kNamedFalseAlarm = 0.0033;
+
+/// What one good valve in twenty leaves is unusual.
+inline constexpr double kUsualLeftover = 0.05;
 
 /// Noise variances by which two things must differ to be told apart: five standard errors. Eight good valves that show
 /// nothing of a cause do not say how rarely a good valve does; a law is never the whole physics.

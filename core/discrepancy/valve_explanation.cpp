@@ -26,6 +26,13 @@ std::unique_ptr<ValveFitProblem> problem_of(std::span<const Recording> recording
   return std::make_unique<ValveFitProblem>(recordings, options);
 }
 
+/// Whether the law that came last does anything with these parameters; one that is on or off does.
+bool law_acts(const ValveFitProblem& problem, const LawInFit& law, std::size_t at, const VectorXd& v) {
+  if (law.law->size_parameter >= law.law->parameters.size()) return true;
+  const std::size_t recording = law.recording.value_or(0);
+  return problem.law_parameters(v, at, recording)[law.law->size_parameter] != law.law->neutral;
+}
+
 }  // namespace
 
 Explanation Explanation::copy() const {
@@ -47,8 +54,7 @@ Model Explanation::model() const {
   for (std::size_t l = 0; l < options->laws.size(); ++l) {
     const LawInFit& law = options->laws[l];
     const std::vector<double> parameters = problem->law_parameters(v, l, law.recording.value_or(0));
-    MechanismUse use{.cause = std::string(law.law->cause),
-                     .parameters = law.law->as_written(parameters, model.volume ? &*model.volume : nullptr)};
+    MechanismUse use{.cause = std::string(law.law->cause), .parameters = law.law->as_written(parameters, model.volume)};
     if (law.channel) use.channel = problem->recording(0).side[*law.channel].name;
     if (law.recording) use.channel = problem->recording(*law.recording).name;
     model.mechanisms.push_back(std::move(use));
@@ -127,8 +133,15 @@ Explanation extend(const Explanation& explanation, const LawFit& law, int most_i
     for (Descent& scout : scouts) scout = descend_on(problem, std::move(scout), kScoutIterations, kSmallestGain);
     done = kScoutIterations;
   }
-  Descent best = *std::min_element(scouts.begin(), scouts.end(),
-                                   [](const Descent& a, const Descent& b) { return a.cost < b.cost; });
+  // A scout that has given the law up is no better than without it, and at its end: another may still come below.
+  const auto acts = [&](const Descent& d) { return law_acts(problem, law.law, explanation.laws.size(), d.v); };
+  const auto by_cost = [&](const Descent& a, const Descent& b) {
+    const bool a_acts = acts(a), b_acts = acts(b);
+    return a_acts != b_acts ? a_acts : a.cost < b.cost;
+  };
+  Descent best = *std::min_element(scouts.begin(), scouts.end(), by_cost);
+  const Descent& lowest = *std::min_element(scouts.begin(), scouts.end(),
+                                            [](const Descent& a, const Descent& b) { return a.cost < b.cost; });
   double before = done > 0 ? best.cost : std::numeric_limits<double>::infinity();
   for (; done < most_iterations; done += kIterationsAtATime) {
     best = descend_on(problem, std::move(best), kIterationsAtATime, kSmallestGain);
@@ -137,6 +150,7 @@ Explanation extend(const Explanation& explanation, const LawFit& law, int most_i
     if (best.termination != FitTermination::kIterationLimit) break;
     if (std::isfinite(gained) && best.cost - kMoreToGain * gained > hopeless) break;
   }
+  if (lowest.cost < best.cost) best = lowest;
   extended.v = std::move(best.v);
   extended.cost = best.cost;
   return extended;

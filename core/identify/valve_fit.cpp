@@ -68,6 +68,34 @@ Result<void> require_valve(std::span<const Recording> recordings, const ValveFit
   return {};
 }
 
+/// Where the step a⁻¹ b leads from v, inside the bounds: what would leave them ends on them, and the rest is solved for
+/// again with that held there. Clamping alone would leave the rest at the step that goes with a move nobody made.
+VectorXd stepped_inside(const ValveFitProblem& problem, const VectorXd& v, const MatrixXd& a, const VectorXd& b) {
+  constexpr int kMostPasses = 4;
+  VectorXd there = v + a.ldlt().solve(b);
+  std::vector<Index> held;
+  for (int pass = 0; pass < kMostPasses; ++pass) {
+    const VectorXd inside = problem.clamped(there);
+    const std::size_t known = held.size();
+    for (Index j = 0; j < v.size(); ++j) {
+      if (inside(j) != there(j) && std::find(held.begin(), held.end(), j) == held.end()) held.push_back(j);
+    }
+    if (held.size() == known) return there;
+    MatrixXd reduced = a;
+    VectorXd wanted = b;
+    for (const Index j : held) wanted -= a.col(j) * (inside(j) - v(j));
+    for (const Index j : held) {
+      reduced.row(j).setZero();
+      reduced.col(j).setZero();
+      reduced(j, j) = 1;
+      wanted(j) = inside(j) - v(j);
+    }
+    there = v + reduced.ldlt().solve(wanted);
+    for (const Index j : held) there(j) = inside(j);
+  }
+  return problem.clamped(there);
+}
+
 /// The fitted map made monotone in place, knots weighted by how well they are known.
 void make_monotone(VectorXd& v, const MatrixXd& covariance, Index parameters, Index knots) {
   std::vector<double> outputs(static_cast<std::size_t>(knots)), weights(outputs.size());
@@ -100,7 +128,7 @@ Descent descend_on(const ValveFitProblem& problem, Descent descent, int most_ite
     for (int attempt = 0; attempt < kMostAttempts && descent.cost == before; ++attempt) {
       MatrixXd a = normal.a;
       a.diagonal() *= 1 + descent.damping;
-      const VectorXd tried = problem.clamped(descent.v + a.ldlt().solve(normal.b));
+      const VectorXd tried = stepped_inside(problem, descent.v, a, normal.b);
       const double cost = problem.cost(tried);
       if (std::isfinite(cost) && cost < before) {
         descent.v = tried;

@@ -17,7 +17,6 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-enum Parameter : Index { kFrequency, kDamping, kDelay, kLoop, kTimeConstant, kExponent, kSupply, kNarrowLoop };
 enum Start : Index { kSpoolRate, kSpoolPosition, kPressureGap, kMemory };
 
 // Physics' own preferences where no population is known.

@@ -18,6 +18,7 @@ namespace valvetriage {
 class ValveFitProblem {
  public:
   static constexpr Eigen::Index kParameters = static_cast<Eigen::Index>(kValveParameters.size());
+  enum Parameter : Eigen::Index { kFrequency, kDamping, kDelay, kLoop, kTimeConstant, kExponent, kSupply, kNarrowLoop };
   static constexpr Eigen::Index kStarts = 4;
   /// Of a usual step, where the cost is rough: 1 % of a frequency, 0.1 mA of a loop, 1 % of the input range of a law,
   /// half the range of a memory.

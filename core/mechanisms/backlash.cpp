@@ -2,9 +2,10 @@
 //
 //   z ← min(max(z, x − W/2), x + W/2)                                                    the play operator
 //
-// Source     Krasnosel'skii and Pokrovskii, Systems with Hysteresis (1989); Nordin and Gutman, Automatica 38 (2002)
-// 1633 Looks like a flat piece after every reversal, as wide at every rate; level differs by W up and down, no
-// slip-jump Confused   with friction (slips in jumps), hysteresis (rounded, scales with the way), dead_band (no memory)
+// Source     Krasnosel'skii and Pokrovskii, Systems with Hysteresis (1989);
+//            Nordin and Gutman, Automatica 38 (2002) 1633
+// Looks like a flat piece after every reversal, as wide at every rate; level differs by W up and down, no slip-jump
+// Confused   with friction (slips in jumps), hysteresis (rounded, scales with the way), dead_band (no memory)
 
 #include <algorithm>
 #include <array>
@@ -40,6 +41,11 @@ void apply(std::span<const double> parameters, const LawContext& context, std::s
   }
 }
 
+constexpr MemoryWidth kMemoryWidth{
+    .has_corners = true,
+    .width_a = [](std::span<const double> parameters) { return parameters[kWidth]; },
+    .take_over = [](double width_a, std::span<double> parameters) { parameters[kWidth] = width_a; }};
+
 }  // namespace
 
 extern constinit const Mechanism kBacklash{
@@ -62,6 +68,7 @@ extern constinit const Mechanism kBacklash{
     .apply = apply,
     .tangent = nullptr,
     .reshape = nullptr,
-    .own_per_recording = 1};
+    .own_per_recording = 1,
+    .memory = &kMemoryWidth};
 
 }  // namespace valvetriage

@@ -51,6 +51,13 @@ void reshape(std::span<const double> parameters, ValveBlocks blocks) {
   blocks.friction.stribeck_a_per_s = parameters[kStribeck];
 }
 
+/// A dry friction F holds the spool over 2 F.
+void take_over(double width_a, std::span<double> parameters) {
+  const double kinetic_share = parameters[kKinetic] / parameters[kBreakaway];
+  parameters[kBreakaway] = 0.5 * width_a;
+  parameters[kKinetic] = kinetic_share * parameters[kBreakaway];
+}
+
 /// The way of the driver that sticks is taken off the signal, so that noise on a held input does not move the spool and
 /// a law without friction changes nothing.
 void apply(std::span<const double> parameters, const LawContext& context, std::span<double> x) {
@@ -64,6 +71,11 @@ void apply(std::span<const double> parameters, const LawContext& context, std::s
     x[i] -= driver[i] - held;
   }
 }
+
+constexpr MemoryWidth kMemoryWidth{
+    .has_corners = true,
+    .width_a = [](std::span<const double> parameters) { return 2 * parameters[kBreakaway]; },
+    .take_over = take_over};
 
 }  // namespace
 
@@ -88,6 +100,7 @@ extern constinit const Mechanism kFriction{
     .apply = apply,
     .tangent = nullptr,
     .reshape = reshape,
-    .is_in_blocks = [](std::span<const double>) { return true; }};
+    .is_in_blocks = [](std::span<const double>) { return true; },
+    .memory = &kMemoryWidth};
 
 }  // namespace valvetriage

@@ -63,6 +63,11 @@ void apply(std::span<const double> parameters, const LawContext& context, std::s
   }
 }
 
+constexpr MemoryWidth kMemoryWidth{
+    .has_corners = false,
+    .width_a = [](std::span<const double> parameters) { return parameters[kWidth]; },
+    .take_over = [](double width_a, std::span<double> parameters) { parameters[kWidth] = width_a; }};
+
 }  // namespace
 
 extern constinit const Mechanism kHysteresis{
@@ -83,6 +88,7 @@ extern constinit const Mechanism kHysteresis{
     .apply = apply,
     .tangent = nullptr,
     .reshape = nullptr,
-    .own_per_recording = 1};
+    .own_per_recording = 1,
+    .memory = &kMemoryWidth};
 
 }  // namespace valvetriage

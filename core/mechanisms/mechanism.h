@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <span>
 #include <string_view>
 #include <vector>
@@ -77,6 +78,14 @@ struct ValveBlocks {
   SpoolFriction& friction;
 };
 
+/// Over how much of the input a law of memory holds the output: one such law, or a valve's own loops, can stand in the
+/// place of another.
+struct MemoryWidth {
+  bool has_corners;  ///< follows at once where it lets go, like a valve's narrow loop; otherwise rounded like the wide
+  double (*width_a)(std::span<const double> parameters);            ///< [A]
+  void (*take_over)(double width_a, std::span<double> parameters);  ///< gives them that width
+};
+
 /// One physical cause: its law, where it comes from, what it looks like, what it is confused with. One file each.
 struct Mechanism {
   int order;                ///< place in the contract's table, from 1
@@ -119,14 +128,19 @@ struct Mechanism {
   bool (*is_cut_off)(std::span<const double> parameters, std::span<const double> lower,
                      std::span<const double> upper) = nullptr;
 
+  /// Null: no law of memory.
+  const MemoryWidth* memory = nullptr;
+
   /// What documents count the size parameter from, in a valve with this volume: an exponent is written as the valve's
   /// own and the law's excess together. Null: 0.
   double (*counted_from)(const OrificeVolume& volume) = nullptr;
 
   bool acts_in_blocks_alone(std::span<const double> at) const { return is_in_blocks && is_in_blocks(at); }
-  double written_from(const OrificeVolume* volume) const { return counted_from && volume ? counted_from(*volume) : 0; }
+  double written_from(const std::optional<OrificeVolume>& volume) const {
+    return counted_from && volume ? counted_from(*volume) : 0;
+  }
   /// The nearest parameters that a document with this volume gives back to the last bit.
-  std::vector<double> as_written(std::vector<double> values, const OrificeVolume* volume) const {
+  std::vector<double> as_written(std::vector<double> values, const std::optional<OrificeVolume>& volume) const {
     const double from = written_from(volume);
     if (size_parameter < values.size() && from != 0) values[size_parameter] = (from + values[size_parameter]) - from;
     return values;

@@ -198,17 +198,13 @@ std::vector<double> law_parameters(const Mechanism& law, JsonFields& fields) {
   return values;
 }
 
-const OrificeVolume* volume_of(const Model& model) {
-  return model.volume ? &*model.volume : nullptr;
-}
-
 MechanismUse mechanism_from_json(JsonFields fields, const Model& model) {
   MechanismUse use{.cause = fields.text("cause"), .parameters = {}, .channel = fields.text_or("channel", "")};
   const Mechanism* law = find_mechanism(use.cause);
   if (law) {
     use.parameters = law_parameters(*law, fields);
     if (law->size_parameter < use.parameters.size()) {
-      use.parameters[law->size_parameter] -= law->written_from(volume_of(model));
+      use.parameters[law->size_parameter] -= law->written_from(model.volume);
     }
   } else {
     fields.refuse("cause", "unknown_value", fmt::format("there is no cause '{}'", use.cause));
@@ -221,7 +217,7 @@ Json to_json(const MechanismUse& use, const Model& model) {
   Json parameters = Json::object();
   const Mechanism* law = find_mechanism(use.cause);
   for (std::size_t j = 0; law && j < std::min(law->parameters.size(), use.parameters.size()); ++j) {
-    const double from = j == law->size_parameter ? law->written_from(volume_of(model)) : 0;
+    const double from = j == law->size_parameter ? law->written_from(model.volume) : 0;
     if (std::isfinite(use.parameters[j])) parameters[std::string(law->parameters[j].name)] = from + use.parameters[j];
   }
   Json json{{"cause", use.cause}, {"parameters", parameters}};

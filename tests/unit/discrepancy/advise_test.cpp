@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <limits>
 
 #include "core/model/valve_dynamics.h"
 
@@ -28,7 +29,7 @@ Alternative alternative(const std::string& cause, const std::vector<double>& par
   return a;
 }
 
-constexpr AdviceOptions kStand{.noise_rms = 0.35, .input_low = 1.0, .input_high = 2.0};
+const AdviceOptions kStand{.noise_rms = 0.35, .input_low = 1.0, .input_high = 2.0};
 
 TEST(Advise, ALoopAndALagAreToldApartByAnotherRate) {
   const std::vector<Alternative> open{alternative("hysteresis", {0.02, 0.06, 0}, 0.5, {0.002, 0, 0}),
@@ -100,12 +101,27 @@ TEST(Advise, WhatIsAskedForBesideThePosteriorMakesATestSettleLess) {
   const std::vector<Alternative> open{alternative("gain_loss", {0.998}, 0.5), alternative("none", {}, 0.5)};
   const auto chance = [&](double least_log_odds) {
     AdviceOptions options = kStand;
-    options.least_log_odds = least_log_odds;
+    options.least_log_odds = [=](const Alternative&, const Alternative&) { return least_log_odds; };
     const auto next = advise_next_test(open, options);
     return next ? next->expected_probability : 0;
   };
   EXPECT_EQ(chance(1), chance(0));  // a posterior of 0.95 asks for 2.9 nats itself
   EXPECT_LT(chance(100), chance(0) - 0.1);
+}
+
+TEST(Advise, PromisesNothingForACauseWhoseRivalNoLeadSettles) {
+  const std::vector<Alternative> open{alternative("gain_loss", {0.95}, 0.25), alternative("none", {}, 0.75)};
+  const auto chance = [&](bool is_asked) {
+    AdviceOptions options = kStand;
+    if (is_asked) {
+      options.least_log_odds = [](const Alternative& true_one, const Alternative&) {
+        return true_one.cause == "none" ? std::numeric_limits<double>::infinity() : 0.0;
+      };
+    }
+    return advise_next_test(open, options)->expected_probability;
+  };
+  EXPECT_GT(chance(false), 0.95);
+  EXPECT_NEAR(chance(true), 0.25, 0.01);
 }
 
 }  // namespace

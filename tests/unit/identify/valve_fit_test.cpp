@@ -161,5 +161,29 @@ TEST(ValveFit, ASpoolThatSticksIsFittedAcrossTheJumpsOfItsFreeRuns) {
   EXPECT_LT(found.cost, 0.5 * narrow.cost);
 }
 
+TEST(ValveFit, WhereAParameterEndsAtItsBoundTheOthersStillReachTheirBest) {
+  const test::MadeValve valve;
+  const auto recordings = test::session(valve, kNoise_psi, 71);
+  // More delay than there is at the least: the spool and the volume have to make up for it.
+  const LawInFit law{
+      .law = find_mechanism("transport_delay"), .start = {0.04}, .lower = {0.02}, .upper = {0.1}, .step = {5e-6}};
+  const ValveFitOptions options{.knots = *map_knots(recordings), .reference_psi = 105, .laws = {law}};
+  const ValveFitProblem problem(recordings, options);
+  const Descent found = descend(problem, problem.start_vector(valve.parameters), 15);
+  const Eigen::Index delay = problem.law_entry(0, 0, 0);
+  EXPECT_EQ(found.v(delay), 0.02);
+  const ValveFitProblem::Normal normal = problem.linearise(found.v);
+  const Eigen::VectorXd no_step = Eigen::VectorXd::Zero(problem.size());
+  for (Eigen::Index j = 0; j < problem.size(); ++j) {
+    const double steepness = normal.b(j) / std::sqrt(normal.a(j, j));  // of the cost, per standard error
+    Eigen::VectorXd downhill = no_step;
+    downhill(j) = std::copysign(1e-9, steepness);
+    const bool is_free = problem.clamped(found.v + downhill)(j) != found.v(j);
+    if (is_free) {
+      EXPECT_LT(std::abs(steepness), 0.5) << j;
+    }
+  }
+}
+
 }  // namespace
 }  // namespace valvetriage

@@ -91,7 +91,7 @@ inline Model model(bool with_map) {
   m.output_offset = number();
   for (const Mechanism* law : all_mechanisms()) {
     if (small(0, 9) > 0) continue;
-    const auto parameters = law->as_written(numbers(law->parameters.size()), m.volume ? &*m.volume : nullptr);
+    const auto parameters = law->as_written(numbers(law->parameters.size()), m.volume);
     m.mechanisms.push_back({std::string(law->cause), parameters, small(0, 1) ? text() : ""});
   }
   return m;

@@ -1,0 +1,161 @@
+#include "core/discrepancy/joint_fits.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <utility>
+
+#include "core/discrepancy/instants.h"
+#include "core/discrepancy/slip_search.h"
+
+namespace valvetriage {
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+constexpr std::size_t kMostStarts = 16;
+// The start that simulates best is not always the one whose fit ends best.
+constexpr std::size_t kStartsFromPlace = 2;
+// What one loop holds another holds about as far.
+constexpr std::array kSharesTakenOver{0.75, 1.0, 1.25};
+
+/// A law of memory on a valve at `place`, where it takes over what held the output over `width_a`. About as wide, each
+/// time that of its starts which simulates best.
+std::vector<JointStart> taking_over(const Tested& tested, const Explanation& beside, const VectorXd& place,
+                                    double width_a) {
+  ValveFitOptions options = *beside.options;
+  options.laws.push_back(tested.fit.law);
+  const ValveFitProblem problem(*beside.problem, options);
+  std::vector<JointStart> starts;
+  for (const double share : kSharesTakenOver) {
+    JointStart best{.baseline = place, .parameters = {}, .in_its_valley = true};
+    double lowest = std::numeric_limits<double>::infinity();
+    for (std::vector<double> start : tested.starts) {
+      tested.fit.law.law->memory->take_over(share * width_a, start);
+      const double cost = problem.cost(problem.clamped(beside.problem->continued_in(problem, place, start)));
+      if (!(cost < lowest)) continue;
+      lowest = cost;
+      best.parameters = std::move(start);
+    }
+    if (!best.parameters.empty()) starts.push_back(std::move(best));
+  }
+  return starts;
+}
+
+/// The same in the place of the valve's own loops, as far as these are wider than good valves': before a law of memory
+/// is there they take up what it does.
+std::vector<JointStart> in_place_of_own_loops(const Tested& tested, const Explanation& beside) {
+  if (!tested.fit.law.law->memory || !beside.options->prior) return {};
+  VectorXd place = beside.v;
+  double excess = 0;
+  for (const Index loop : {ValveFitProblem::kLoop, ValveFitProblem::kNarrowLoop}) {
+    const double usual = beside.options->prior->mean(loop);
+    excess += place(loop) - usual;
+    place(loop) = usual;
+  }
+  return excess > 0 ? taking_over(tested, beside, place, excess) : std::vector<JointStart>{};
+}
+
+/// Where a law's joint fit may begin beside where its search ended: from each of the given places of the valve, those
+/// of the search's starts which simulate best. Searches over many instants or tones need no more starts.
+std::vector<JointStart> joint_starts(const Tested& tested, const Explanation& beside,
+                                     std::span<const VectorXd> places) {
+  std::vector<JointStart> starts;
+  if (tested.fit.law.recording) {
+    for (const VectorXd& place : places) {
+      if (auto start = change_of_gain(beside, tested.fit.law, place)) starts.push_back(std::move(*start));
+    }
+    return starts;
+  }
+  if (tested.starts.size() > kMostStarts) return starts;
+  ValveFitOptions options = *beside.options;
+  options.laws.push_back(tested.fit.law);
+  const ValveFitProblem problem(*beside.problem, options);
+  for (const VectorXd& place : places) {
+    std::vector<std::pair<double, const std::vector<double>*>> by_cost;
+    for (const std::vector<double>& start : tested.starts) {
+      const double cost = problem.cost(problem.clamped(beside.problem->continued_in(problem, place, start)));
+      if (std::isfinite(cost)) by_cost.emplace_back(cost, &start);
+    }
+    std::sort(by_cost.begin(), by_cost.end());
+    if (by_cost.size() > kStartsFromPlace) by_cost.resize(kStartsFromPlace);
+    for (const auto& [cost, start] : by_cost) starts.push_back({place, *start});
+  }
+  for (JointStart& start : in_place_of_own_loops(tested, beside)) starts.push_back(std::move(start));
+  return starts;
+}
+
+}  // namespace
+
+void JointFits::compare(const Explanation& with) {
+  if (with.cost >= lowest) return;
+  lowest = with.cost;
+  inflation = noise_inflation(whitened_residual(with));
+}
+
+VectorXd at_population_mean(const Explanation& explanation) {
+  VectorXd v = explanation.v;
+  if (explanation.options->prior) v.head(explanation.problem->baseline_size()) = explanation.options->prior->mean;
+  return explanation.problem->clamped(v);
+}
+
+void fit_jointly(const std::vector<const Tested*>& entering, const Explanation& beside, bool bent, JointFits& joint) {
+  std::vector<VectorXd> places;
+  if (bent) places = {beside.v, at_population_mean(beside)};
+  for (const Tested* tested : entering) {
+    joint.racing.push_back(tested);
+    Explanation fitted = extend(beside, tested->fit, kJointSteps, joint.lowest - kInTheRace * joint.inflation,
+                                joint_starts(*tested, beside, places));
+    if (tested->fit.law.recording) fitted = at_its_instant(std::move(fitted), beside, tested->fit, kJointSteps);
+    joint.compare(fitted);
+    joint.fitted.push_back(std::move(fitted));
+  }
+}
+
+void fit_in_place_of_kin(const Explanation& beside, JointFits& joint) {
+  std::optional<std::size_t> best;
+  for (std::size_t i = 0; i < joint.fitted.size(); ++i) {
+    if (joint.racing[i]->is_of_memory() && (!best || joint.fitted[i].cost < joint.fitted[*best].cost)) best = i;
+  }
+  if (!best || joint.fitted[*best].cost >= beside.cost) return;
+  const Explanation& leading = joint.fitted[*best];
+  const VectorXd place = without(leading, leading.laws.size() - 1, 0).v;
+  const double width_a = leading.laws.back().law.law->memory->width_a(leading.parameters_of_last());
+  for (std::size_t i = 0; i < joint.fitted.size(); ++i) {
+    if (i == *best || !joint.racing[i]->is_of_memory()) continue;
+    const Tested& tested = *joint.racing[i];
+    Explanation fitted = extend(beside, tested.fit, kJointSteps, joint.lowest - kInTheRace * joint.inflation,
+                                taking_over(tested, beside, place, width_a));
+    joint.compare(fitted);
+    if (fitted.cost < joint.fitted[i].cost) joint.fitted[i] = std::move(fitted);
+  }
+}
+
+const Explanation& closest_of(const JointFits& joint, const Explanation& beside) {
+  const auto lowest = std::min_element(joint.fitted.begin(), joint.fitted.end(),
+                                       [](const Explanation& a, const Explanation& b) { return a.cost < b.cost; });
+  return lowest == joint.fitted.end() || lowest->cost >= beside.cost ? beside : *lowest;
+}
+
+void fit_from_slips(const Survey& survey, const Explanation& beside, JointFits& joint) {
+  const VectorXd place = at_population_mean(beside);
+  for (const Tested& tested : survey.tested) {
+    if (!makes_stick(tested.fit.law, beside)) continue;
+    Explanation fitted = extend(beside, tested.fit, kJointSteps, joint.lowest - kInTheRace * joint.inflation,
+                                slip_starts(beside, tested.fit.law, place));
+    joint.compare(fitted);
+    const auto known = std::find(joint.racing.begin(), joint.racing.end(), &tested);
+    if (known == joint.racing.end()) {
+      joint.racing.push_back(&tested);
+      joint.fitted.push_back(std::move(fitted));
+    } else if (Explanation& before = joint.fitted[static_cast<std::size_t>(known - joint.racing.begin())];
+               fitted.cost < before.cost) {
+      before = std::move(fitted);
+    }
+  }
+}
+
+}  // namespace valvetriage

@@ -1,0 +1,43 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "core/discrepancy/valve_contest.h"
+#include "core/discrepancy/valve_explanation.h"
+
+namespace valvetriage {
+
+/// The laws that a survey leaves in the race, each fitted together with the valve.
+struct JointFits {
+  std::vector<const Tested*> racing;
+  std::vector<Explanation> fitted;     ///< in the order of `racing`
+  double lowest = 0;                   ///< cost of the best of them, or of what they stand beside
+  double inflation = 1;                ///< of the noise, by the best of them
+  std::vector<std::string> borne_out;  ///< causes that recordings left out of the fit have confirmed
+
+  /// Takes a fit into `lowest` and `inflation`.
+  void compare(const Explanation& with);
+};
+
+inline constexpr int kJointSteps = 40;
+/// A law this far behind the best in ln likelihood is out of the race.
+inline constexpr double kInTheRace = 30;
+
+/// The population's mean beside the laws already found, with the recordings' own states.
+Eigen::VectorXd at_population_mean(const Explanation& explanation);
+
+/// Fits those that enter. `bent`: the fit beside has bent towards a fault and is far from the valve under it, so that
+/// they begin from where a good valve stands as well.
+void fit_jointly(const std::vector<const Tested*>& entering, const Explanation& beside, bool bent, JointFits& joint);
+/// Laws of memory once more, each in the place of the one that fits best so far: what one of them found out about the
+/// valve under it holds for the others, and the way there is narrow.
+void fit_in_place_of_kin(const Explanation& beside, JointFits& joint);
+/// Laws that make the spool stick, from what its slips show: in free runs a slip more or less hides where they belong,
+/// and what a bent fit forecasts of them is nothing, whatever it promises.
+void fit_from_slips(const Survey& survey, const Explanation& beside, JointFits& joint);
+
+/// What leaves least: the best joint fit, or what they all stand beside.
+const Explanation& closest_of(const JointFits& joint, const Explanation& beside);
+
+}  // namespace valvetriage
