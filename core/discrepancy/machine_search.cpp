@@ -110,6 +110,7 @@ MachineScore screen(const MachineData& data, const MachineTrial& trial, MachineB
   narrow(data, kFirstIterations, kKeptFirst, fits, budget);
   narrow(data, kScreenIterations, kKeptStarts, fits, budget);
   narrow(data, kMiddleIterations, 1, fits, budget);
+  if (!fits.empty()) move_instant(data, kMiddleIterations, fits.front(), budget);
   MachineScore score{.causes = trial.causes, .place = trial.place};
   score.fit.failed = true;
   if (!fits.empty()) score.fit = std::move(fits.front());
@@ -458,6 +459,7 @@ MachineSearch search_machines(const MachineData& data, MachineGround ground, Mac
   MachineSearch search;
   search.linear = search_linear(data, ground, budget);
   ground.tones_hz = residual_tones(data, search.linear.fit);
+  if (ground.single_recording) ground.gain_steps = gain_steps(data, search.linear.fit, ground.output_zero);
   for (const MachineTrial& trial : single_trials(data, ground)) {
     if (budget.spent()) break;
     MachineScore score = screen(data, trial, budget);

@@ -54,6 +54,14 @@ MachineScore search_linear(const MachineData& data, MachineGround& ground, Machi
 /// in the longest record, power over the neighbours' median more than noise reaches. Cost O(n²).
 std::vector<double> residual_tones(const MachineData& data, const MachineFit& fit);
 
+/// The instants of a single recording at which the gain of what is measured over what a fit simulates, both from
+/// `zero`, changes most: every instant is tried with a gain on either side, at most three are kept, strongest first.
+/// Bai, Econometric Theory 13 (1997) 315. Cost O(n log n).
+std::vector<GainStep> gain_steps(const MachineData& data, const MachineFit& fit, double zero);
+/// A fit whose last law is an abrupt change of gain, moved to the instant that its own machine shows until that stays:
+/// the cost is flat between two samples, and no slope leads there.
+void move_instant(const MachineData& data, int iterations, MachineFit& fit, MachineBudget& budget);
+
 /// Everything: linear machines, single causes, pairs, black box. Explanations are screened by their fit to all rows
 /// from every start; the best are refined and judged on held-out groups.
 MachineSearch search_machines(const MachineData& data, MachineGround ground, MachineBudget& budget);

@@ -127,8 +127,8 @@ SignalLaw warming(const MachineGround& g) {
 
 SignalLaw gain_step(const MachineGround& g) {
   SignalLaw law{"intermittent", "on the output", false, {}};
-  for (const double share : {0.2, 0.35, 0.5, 0.65, 0.8}) {
-    law.starts.push_back({{law_block(MachineLaw::kGainStep, {-0.2, share * g.longest_s, g.output_zero})},
+  for (const GainStep& step : g.gain_steps) {
+    law.starts.push_back({{law_block(MachineLaw::kGainStep, {step.change, step.time_s, g.output_zero})},
                           {parameter(0, 0, -1, 2), parameter(0, 1, 0.02 * g.longest_s, 0.98 * g.longest_s)}});
   }
   return law;
@@ -248,7 +248,7 @@ std::vector<SignalLaw> signal_laws(const MachineGround& g) {
   laws.push_back(drift());
   if (g.single_recording && !g.one_rate) {
     laws.push_back(warming(g));
-    laws.push_back(gain_step(g));
+    if (!g.gain_steps.empty()) laws.push_back(gain_step(g));
     if (!g.tones_hz.empty()) laws.push_back(tone(g));
   }
   if (!g.channels.empty()) laws.push_back(side_input(g));

@@ -15,6 +15,11 @@ struct LinearMachine {
   MachineFit fit;  ///< one linear block
 };
 
+/// An abrupt change of gain.
+struct GainStep {
+  double time_s = 0, change = 0;  ///< from the recording's start; of the gain, relative
+};
+
 /// What laws are started from: the linear machines and the ranges of the signals, all in scaled units.
 struct MachineGround {
   std::vector<LinearMachine> linear;  ///< ascending in order
@@ -25,6 +30,7 @@ struct MachineGround {
   double input_zero = 0, output_zero = 0;  ///< zero of the recordings' own units
   double steepest_input_per_s = 0;
   std::vector<double> tones_hz;       ///< off the input's lines, strongest in the residual first
+  std::vector<GainStep> gain_steps;   ///< of the output over the linear machine, most first
   std::vector<std::string> channels;  ///< side channels
   bool single_recording = true;
   bool one_rate = false;  ///< a sweep at one rate: dynamics cannot be told from memory, the core is static

@@ -198,6 +198,23 @@ TEST(Machine, AToneIsNotTheRingingOfALinearMachine) {
   expect_found(diagnosis_of(recording(u, y, kPeriod_s, kNoise, 60)), "periodic_disturbance");
 }
 
+TEST(Machine, AReadingThatLosesGainAtAnInstantIsIntermittentFromThatInstantOn) {
+  // The reading stands about 3, so that a linear machine takes most of the fall for a slow lag of its own.
+  for (const double instant_s : {12.0, 18.0, 24.6}) {
+    const auto u = random_command(1500, 20, 61);
+    auto y = lag(u, 0.2, kPeriod_s);
+    for (std::size_t t = 0; t < y.size(); ++t) {
+      y[t] += 3;
+      if (static_cast<double>(t) * kPeriod_s > instant_s) y[t] *= 0.85;
+    }
+    const auto diagnosis = diagnosis_of(recording(u, y, kPeriod_s, kNoise, 62));
+    expect_found(diagnosis, "intermittent");
+    EXPECT_LT(diagnosis.discrepancy.gain.rmse_extended, 1.2 * kNoise) << instant_s;
+    EXPECT_NEAR(parameter(diagnosis.discrepancy.causes[0], "time_s"), instant_s, 2 * kPeriod_s);
+    EXPECT_NEAR(parameter(diagnosis.discrepancy.causes[0], "gain_change"), -0.15, 0.01) << instant_s;
+  }
+}
+
 TEST(Machine, LostMotionInFrontOfALagIsFoundWithItsWidth) {
   const auto u = random_command(kSamples, 20, 15);
   const auto diagnosis = diagnosis_of(recording(u, lag(play(u, 0.6), 0.1, kPeriod_s), kPeriod_s, kNoise, 16));
