@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "core/discrepancy/gain_split.h"
 #include "core/discrepancy/valve_catalogue.h"
 
 namespace valvetriage {
@@ -9,45 +10,23 @@ namespace {
 
 constexpr int kMostRepeats = 4;
 
-/// Sums of a simulation's products with itself and with what was measured.
-struct Products {
-  double power = 0, shared = 0;
-
-  void add(double simulated, double measured) {
-    power += simulated * simulated;
-    shared += simulated * measured;
-  }
-  /// How much of the measured squares the best gain takes.
-  double taken() const { return power > 0 ? shared * shared / power : 0; }
-};
-
 }  // namespace
 
 std::optional<JointStart> change_of_gain(const Explanation& beside, const LawInFit& law, const Eigen::VectorXd& place) {
   const std::size_t r = *law.recording;
   const Recording& recording = beside.problem->recording(r);
-  const std::vector<double> simulated = beside.problem->simulate(place, r);
-  const std::vector<double>& measured = recording.output.values;
-  Products all, before;
-  for (std::size_t i = 0; i < simulated.size(); ++i) {
-    if (recording.is_valid(i)) all.add(simulated[i], measured[i]);
-  }
-  double most = -1, instant_s = 0, change = 0;
-  for (std::size_t i = 0; i < simulated.size(); ++i) {
-    const double time_s = static_cast<double>(i) * recording.sample_period_s;
-    const Products behind{all.power - before.power, all.shared - before.shared};
+  const std::vector<GainSplit> splits = split_gains(beside.problem->simulate(place, r), recording.output.values,
+                                                    [&](std::size_t i) { return recording.is_valid(i); });
+  std::optional<GainSplit> best;
+  for (const GainSplit& split : splits) {
+    const double time_s = static_cast<double>(split.sample) * recording.sample_period_s;
     const bool is_within = time_s > law.lower[kInstantOf] && time_s < law.upper[kInstantOf];
-    if (is_within && before.shared > 0 && behind.shared > 0 && before.taken() + behind.taken() > most) {
-      most = before.taken() + behind.taken();
-      instant_s = time_s;
-      change = (behind.shared / behind.power) / (before.shared / before.power) - 1;
-    }
-    if (recording.is_valid(i)) before.add(simulated[i], measured[i]);
+    if (is_within && (!best || split.taken > best->taken)) best = split;
   }
-  if (most < 0) return std::nullopt;
+  if (!best) return std::nullopt;
   JointStart start{.baseline = place, .parameters = law.lower};
-  start.parameters[kInstantOf] = instant_s - 0.5 * recording.sample_period_s;
-  start.parameters[law.law->size_parameter] = change;
+  start.parameters[kInstantOf] = (static_cast<double>(best->sample) - 0.5) * recording.sample_period_s;
+  start.parameters[law.law->size_parameter] = best->change;
   return start;
 }
 

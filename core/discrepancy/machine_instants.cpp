@@ -1,68 +1,55 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/discrepancy/gain_split.h"
 #include "core/discrepancy/machine_search.h"
 
 namespace valvetriage {
 namespace {
 
 constexpr std::size_t kMostInstants = 3;
-constexpr double kApart = 0.03;  // of the longest record: nearer instants end at the same
+constexpr double kApart = 0.03;  // of the record: nearer instants end at the same
 constexpr int kMostRepeats = 4;
 enum Parameter { kGainChange, kInstant, kZero };
 
-/// Sums of a run's products with itself and with what was measured.
-struct Products {
-  double power = 0, shared = 0;
-
-  void add(double simulated, double measured) {
-    power += simulated * simulated;
-    shared += simulated * measured;
-  }
-  /// How much of the measured squares the best gain takes.
-  double taken() const { return power > 0 ? shared * shared / power : 0; }
-};
-
-struct Split {
+/// An instant of a recording, with what a change of gain there takes.
+struct Instant {
   GainStep step;
   double taken = 0;
 };
 
-/// Every instant of a record with the best gains on either side of it.
-void split_everywhere(const MachineData& data, const MachineRecord& record, const std::vector<double>& run, double zero,
-                      std::vector<Split>& splits) {
-  Products all, before;
-  for (const std::size_t t : record.valid) all.add(run[t] - zero, record.output[t] - zero);
-  for (const std::size_t t : record.valid) {
-    const Products behind{all.power - before.power, all.shared - before.shared};
-    if (before.shared > 0 && behind.shared > 0) {
-      const double change = (behind.shared / behind.power) / (before.shared / before.power) - 1;
-      // Half a sample early: the sample itself is behind it.
-      const double time_s = record.start_s + (static_cast<double>(t) - 0.5) * data.period_s;
-      splits.push_back({{time_s, change}, before.taken() + behind.taken() - all.taken()});
-    }
-    before.add(run[t] - zero, record.output[t] - zero);
+void add_instants(const MachineData& data, const MachineRecord& record, std::vector<double> run, double zero,
+                  std::vector<Instant>& instants) {
+  std::vector<double> measured = record.output;
+  for (double& value : run) value -= zero;
+  for (double& value : measured) value -= zero;
+  std::vector<bool> takes_part(run.size());
+  for (const std::size_t t : record.valid) takes_part[t] = true;
+  for (const GainSplit& split : split_gains(run, measured, [&](std::size_t t) { return takes_part[t]; })) {
+    // Half a sample early: the sample itself is behind it.
+    const double time_s = record.start_s + (static_cast<double>(split.sample) - 0.5) * data.period_s;
+    instants.push_back({{time_s, split.change}, split.taken});
   }
 }
 
 }  // namespace
 
 std::vector<GainStep> gain_steps(const MachineData& data, const MachineFit& fit, double zero) {
-  std::vector<Split> splits;
+  std::vector<Instant> instants;
   double longest_s = 0;
   for (std::size_t r = 0; r < data.records.size(); ++r) {
     const MachineRecord& record = data.records[r];
-    split_everywhere(data, record, run_record(data, r, fit), zero, splits);
+    add_instants(data, record, run_record(data, r, fit), zero, instants);
     longest_s = std::max(longest_s, static_cast<double>(record.output.size()) * data.period_s);
   }
-  std::stable_sort(splits.begin(), splits.end(), [](const Split& a, const Split& b) { return a.taken > b.taken; });
+  std::stable_sort(instants.begin(), instants.end(), [](const auto& a, const auto& b) { return a.taken > b.taken; });
   std::vector<GainStep> steps;
-  for (const Split& split : splits) {
+  for (const Instant& instant : instants) {
     if (steps.size() == kMostInstants) break;
     const bool is_known = std::any_of(steps.begin(), steps.end(), [&](const GainStep& step) {
-      return std::abs(step.time_s - split.step.time_s) < kApart * longest_s;
+      return std::abs(step.time_s - instant.step.time_s) < kApart * longest_s;
     });
-    if (!is_known) steps.push_back(split.step);
+    if (!is_known) steps.push_back(instant.step);
   }
   return steps;
 }

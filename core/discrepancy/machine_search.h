@@ -55,8 +55,7 @@ MachineScore search_linear(const MachineData& data, MachineGround& ground, Machi
 std::vector<double> residual_tones(const MachineData& data, const MachineFit& fit);
 
 /// The instants of a single recording at which the gain of what is measured over what a fit simulates, both from
-/// `zero`, changes most: every instant is tried with a gain on either side, at most three are kept, strongest first.
-/// Bai, Econometric Theory 13 (1997) 315. Cost O(n log n).
+/// `zero`, changes most: at most three apart from each other, strongest first. Cost O(n log n).
 std::vector<GainStep> gain_steps(const MachineData& data, const MachineFit& fit, double zero);
 /// A fit whose last law is an abrupt change of gain, moved to the instant that its own machine shows until that stays:
 /// the cost is flat between two samples, and no slope leads there.
