@@ -387,7 +387,14 @@ void revise_linear(const MachineData& data, MachineSearch& search, MachineBudget
     auto core = linear_core(score.fit, data);
     if (!core) continue;
     ++tried;
+    // The law that is left out took part of the offset and the start with it: they are solved for, too.
+    LinearMachine solved = *core;
+    const bool is_solved = solve_linear(data, solved);
     refine_machine(data, data.all_rows(), 2 * kFinalIterations, core->fit, budget);
+    if (is_solved) {
+      refine_machine(data, data.all_rows(), 2 * kFinalIterations, solved.fit, budget);
+      if (core->fit.failed || solved.fit.squares < core->fit.squares) core = std::move(solved);
+    }
     if (core->fit.failed || core->fit.rms() > search.linear.fit.rms() * 1.02) continue;
     MachineScore linear{.fit = core->fit};
     hold_out(data, linear, budget);
