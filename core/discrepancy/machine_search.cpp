@@ -109,6 +109,10 @@ MachineScore screen(const MachineData& data, const MachineTrial& trial, MachineB
   std::vector<MachineFit> fits = trial.starts;
   narrow(data, kFirstIterations, kKeptFirst, fits, budget);
   narrow(data, kScreenIterations, kKeptStarts, fits, budget);
+  if (!trial.last.empty()) {
+    narrow(data, kFinalIterations, kKeptStarts, fits, budget);
+    for (MachineFit& fit : fits) fit.free.insert(fit.free.end(), trial.last.begin(), trial.last.end());
+  }
   narrow(data, kMiddleIterations, 1, fits, budget);
   if (!fits.empty()) move_instant(data, kMiddleIterations, fits.front(), budget);
   MachineScore score{.causes = trial.causes, .place = trial.place};

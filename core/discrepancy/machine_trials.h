@@ -46,6 +46,7 @@ struct MachineTrial {
   std::vector<std::string> causes;
   std::string place;  ///< "on the input", "between two linear blocks", ...
   std::vector<MachineFit> starts;
+  std::vector<FreeParameter> last;  ///< freed once the others have their best: sooner they lead astray
 };
 
 /// A law on a signal that can be set into any chain: what a pair's second member must be.

@@ -305,8 +305,10 @@ std::vector<MachineTrial> motion_trials(const MachineData& data, const MachineGr
 
 std::vector<MachineTrial> tank_trials(const MachineData& data, const MachineGround& g) {
   const double period = data.period_s;
-  MachineTrial plain{{"orifice_flow"}, "in the outflow", {}};
-  MachineTrial spilling{{"orifice_flow", "saturation"}, "in the outflow, with a rim", {}};
+  constexpr double kLeastExponent = 0.2;  // an orifice has 1/2, a long pipe 1; a tank that widens has less of either
+  const std::vector<FreeParameter> exponents{parameter(0, 5, kLeastExponent, 1), parameter(0, 10, kLeastExponent, 1)};
+  MachineTrial plain{{"orifice_flow"}, "in the outflow", {}, exponents};
+  MachineTrial spilling{{"orifice_flow", "saturation"}, "in the outflow, with a rim", {}, exponents};
   constexpr double kNoRim = 1e6;
   for (const double tanks : {1.0, 2.0}) {
     const auto emptying = emptying_of(g, tanks > 1 ? 2 : 1);
@@ -320,7 +322,7 @@ std::vector<MachineTrial> tank_trials(const MachineData& data, const MachineGrou
       const double slope = gain * outflow / (2 * std::sqrt(mean_level));
       const double closed = -inflow / slope;
       MachineBlock tank =
-          block_of(MachineLaw::kTanks, {tanks, slope, closed, outflow, outflow, 0.5, kNoRim, 0, kNoRim, zero});
+          block_of(MachineLaw::kTanks, {tanks, slope, closed, outflow, outflow, 0.5, kNoRim, 0, kNoRim, zero, 0.5});
       MachineFit fit;
       fit.machine.sample_period_s = period;
       fit.machine.blocks = {tank};

@@ -194,15 +194,16 @@ double outflow(double level, double exponent) {
 void run_tanks(const MachineBlock& block, double period_s, In start, In in, Out out) {
   const auto& p = block.parameters;
   const bool two = p[0] > 1;
-  const double gain = p[1], closed = p[2], upper = p[3], lower = p[4], exponent = p[5];
+  const double gain = p[1], closed = p[2], upper = p[3], lower = p[4], exponent = p[5], exponent_upper = p[10];
   const double rim_upper = p[6], share = p[7], zero = p[9], rim_lower = std::max(p[8] - zero, 1e-6);
   const double h = period_s / kSubSteps;
   const std::vector<double> copy(in.begin(), in.end());
   const auto inflow = [&](std::size_t t) {
     return std::max(0.0, gain * (delayed(copy, t, block.delay_samples) - closed));
   };
-  double h1 = std::min(std::pow(inflow(0) / upper, 1 / exponent), rim_upper);
-  double h2 = std::min(std::pow((two ? upper * outflow(h1, exponent) : inflow(0)) / lower, 1 / exponent), rim_lower);
+  double h1 = std::min(std::pow(inflow(0) / upper, 1 / exponent_upper), rim_upper);
+  double h2 =
+      std::min(std::pow((two ? upper * outflow(h1, exponent_upper) : inflow(0)) / lower, 1 / exponent), rim_lower);
   if (!start.empty()) {
     h1 = std::clamp(h1 + start[0], 0.0, rim_upper);
     h2 = std::clamp(h2 + start[1], 0.0, rim_lower);
@@ -213,7 +214,7 @@ void run_tanks(const MachineBlock& block, double period_s, In start, In in, Out 
     for (int step = 0; step < kSubSteps; ++step) {
       double feed = in_flow;
       if (two) {
-        const double passed = std::min(upper * outflow(h1, exponent), h1 / h + in_flow);
+        const double passed = std::min(upper * outflow(h1, exponent_upper), h1 / h + in_flow);
         h1 += h * (in_flow - passed);
         const double spill = std::max(0.0, h1 - rim_upper) / h;
         h1 = std::min(h1, rim_upper);

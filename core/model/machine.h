@@ -32,7 +32,7 @@ namespace valvetriage {
 /// kRestoringLoop  y = G x + H h, ḣ = ẏ − beta |ẏ| h − delta ẏ |h|: Bouc and Wen's loop in the restoring force
 /// kMotion         ÿ = gain x_t + gain_before x_{t−1} + bias − stiffness y − damping ẏ − friction; at rest as long as a
 ///                 force below `breakaway` can hold it, against `coulomb` in motion; shows ẏ where shows_speed is 1
-/// kTanks          ḣ₁ = gain (x − closed) − outflow₁ h₁ⁿ,  ḣ₂ = outflow₁ h₁ⁿ − outflow₂ h₂ⁿ + share · spill₁, levels
+/// kTanks          ḣ₁ = gain (x − closed) − outflow₁ h₁ᵐ,  ḣ₂ = outflow₁ h₁ᵐ − outflow₂ h₂ⁿ + share · spill₁, levels
 ///                 limited to their rims (the lower one's as a reading), shows h₂ + zero; one tank where `tanks` is 1
 /// kTone           x + sine sin 2πft + cosine cos 2πft, t from the start of the recording
 /// kDrift          x + rate t

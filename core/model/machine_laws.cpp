@@ -22,8 +22,9 @@ constexpr std::array<std::string_view, 1> kSpringNames{"centre"};
 constexpr std::array<std::string_view, 2> kBoucWenNames{"beta", "delta"};
 constexpr std::array<std::string_view, 8> kMotionNames{"gain",    "gain_before", "bias",      "stiffness",
                                                        "damping", "coulomb",     "breakaway", "shows_speed"};
-constexpr std::array<std::string_view, 10> kTankNames{
-    "tanks", "gain", "closed", "outflow_upper", "outflow_lower", "exponent", "rim_upper", "share", "rim_lower", "zero"};
+constexpr std::array<std::string_view, 11> kTankNames{"tanks",         "gain",     "closed",        "outflow_upper",
+                                                      "outflow_lower", "exponent", "rim_upper",     "share",
+                                                      "rim_lower",     "zero",     "exponent_upper"};
 constexpr std::array<std::string_view, 3> kToneNames{"sine", "cosine", "frequency_hz"};
 constexpr std::array<std::string_view, 1> kDriftNames{"rate_per_s"};
 constexpr std::array<std::string_view, 3> kWarmingNames{"gain_change", "time_constant_s", "centre"};

@@ -132,7 +132,19 @@ TEST(Machine, ATankThatEmptiesByTheRootOfItsLevelIsFound) {
     y[t] = level;
     for (int s = 0; s < 10; ++s) level += 0.1 * kPeriod_s * 3 * (u[t] - std::sqrt(std::max(level, 0.0)));
   }
-  expect_found(diagnosis_of(recording(u, y, kPeriod_s, 0.02, 36)), "orifice_flow");
+  const auto diagnosis = diagnosis_of(recording(u, y, kPeriod_s, 0.02, 36));
+  expect_found(diagnosis, "orifice_flow");
+  ASSERT_FALSE(HasFatalFailure());
+  EXPECT_NEAR(parameter(diagnosis.discrepancy.causes[0], "exponent"), 0.5, 0.05);
+}
+
+TEST(Machine, ATankBelowAnotherHasAnExponentOfItsOwn) {
+  const auto u = each(random_command(1200, 20, 43), [](double x) { return 2.6 + 0.8 * x; });
+  const auto diagnosis = diagnosis_of(recording(u, Tanks{.exponent_upper = 1}.run(u, 1.0), 1.0, 0.03, 44));
+  expect_found(diagnosis, "orifice_flow");
+  ASSERT_FALSE(HasFatalFailure());
+  EXPECT_NEAR(parameter(diagnosis.discrepancy.causes[0], "exponent"), 0.5, 0.1);
+  EXPECT_LT(diagnosis.discrepancy.gain.rmse_extended, 2 * 0.03);  // with one exponent for both tanks: 3.1
 }
 
 TEST(Machine, ACommandOfTwoLevelsIsHeldHoweverShortItsPulses) {

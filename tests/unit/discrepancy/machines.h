@@ -280,24 +280,28 @@ inline Recording regulated(std::size_t samples, double period_s, double breakawa
 struct Tanks {
   double rim_upper = 1e9, rim_lower = 1e9;
   bool linear = false;
+  double exponent_upper = 0.5;
 
   Signal run(const Signal& pump, double period_s) const {
     constexpr int kSteps = 20;
     const double h = period_s / kSteps;
     double upper = 4, lower = 4;
     Signal y(pump.size());
-    const auto outflow = [&](double level) { return linear ? 0.25 * level : 0.5 * std::sqrt(std::max(level, 0.0)); };
+    // The same at a level of 4, whatever the law.
+    const auto outflow = [&](double level, double exponent) {
+      return std::pow(std::max(level, 0.0) / 4, linear ? 1 : exponent);
+    };
     for (std::size_t t = 0; t < pump.size(); ++t) {
       y[t] = lower;
       for (int s = 0; s < kSteps; ++s) {
         double spilt = 0;
-        const double through = outflow(upper);
+        const double through = outflow(upper, exponent_upper);
         upper += h * (0.5 * pump[t] - through);
         if (upper > rim_upper) {
           spilt = (upper - rim_upper) / h;
           upper = rim_upper;
         }
-        lower = std::min(lower + h * (through - outflow(lower) + 0.3 * spilt), rim_lower);
+        lower = std::min(lower + h * (through - outflow(lower, 0.5) + 0.3 * spilt), rim_lower);
       }
     }
     return y;
