@@ -135,6 +135,7 @@ def held_out_errors(bench, case, recordings, clean):
         return None
     name = held_out_recording(case)
     aside = recordings.with_name(recordings.name + ".without")
+    shutil.rmtree(aside, ignore_errors=True)  # of a run that was ended here
     shutil.copytree(recordings, aside, ignore=shutil.ignore_patterns(f"{name}.csv"))
     try:
         analysis, _ = bench.engine.analyse(case, aside, bench.reference)
