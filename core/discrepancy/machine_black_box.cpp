@@ -17,14 +17,26 @@ constexpr std::size_t kMostPlays = 3;
 constexpr std::size_t kMostStates = 9;
 constexpr std::size_t kMostRows = 4000;
 
-/// States that remember the input: the linear machine's, those of lags a factor three slower and faster, plays.
+/// A signal so many samples later; its first value until then.
+std::vector<double> later(const std::vector<double>& x, int samples) {
+  std::vector<double> shifted(x.size());
+  for (std::size_t t = 0; t < x.size(); ++t) {
+    shifted[t] = x[t > static_cast<std::size_t>(samples) ? t - static_cast<std::size_t>(samples) : 0];
+  }
+  return shifted;
+}
+
+/// States that remember the input: the linear machine's, those of lags a factor three slower and faster, plays. What a
+/// controller sets by this very output is no input yet: it would tell the output by the controller run backwards.
 MatrixXd states_of(const MachineRecord& record, const MachineGround& ground, double period_s) {
   const MachineBlock& own = ground.of_order(ground.chosen_order).fit.machine.blocks[0];
+  const std::vector<double> input = later(record.input, ground.least_delay);
   std::vector<VectorXd> columns;
   MachineBlock block = own;
   block.law = MachineLaw::kLinear;
+  block.delay_samples = std::max(0, own.delay_samples - ground.least_delay);
   block.numerator.assign(static_cast<std::size_t>(order_of(block.sections)) + 1, 0.0);
-  const MatrixXd basis = linear_basis(block, {}, record.input);
+  const MatrixXd basis = linear_basis(block, {}, input);
   for (Index c = 0; c < basis.cols(); ++c) columns.push_back(basis.col(c));
   double slowest = 1;
   for (const Section& section : block.sections) slowest = std::min(slowest, slowest_rate(section));
@@ -32,22 +44,22 @@ MatrixXd states_of(const MachineRecord& record, const MachineGround& ground, dou
     MachineBlock lag;
     lag.sections = {{.order = 1, .f = std::clamp(slowest * factor, 1e-6, 0.99)}};
     lag.numerator = {1};
-    columns.push_back(linear_basis(lag, {}, record.input).col(0));
+    columns.push_back(linear_basis(lag, {}, input).col(0));
   }
   const MachineSurroundings nothing;
   for (std::size_t i = 0; i < kMostPlays; ++i) {
     MachineBlock play;
     play.law = MachineLaw::kPlay;
     play.parameters = {ground.input_range() * 0.05 * std::pow(3.0, static_cast<double>(i))};
-    std::vector<double> held(record.input.size());
-    run_block(play, period_s, nothing, {},
-              basis.cols() > 1 ? std::span<const double>(columns[0].data(), held.size())
-                               : std::span<const double>(record.input),
-              held);
+    std::vector<double> held(input.size());
+    run_block(
+        play, period_s, nothing, {},
+        basis.cols() > 1 ? std::span<const double>(columns[0].data(), held.size()) : std::span<const double>(input),
+        held);
     columns.push_back(Eigen::Map<VectorXd>(held.data(), static_cast<Index>(held.size())));
   }
   const std::size_t count = std::min(columns.size(), kMostStates);
-  MatrixXd states(static_cast<Index>(record.input.size()), static_cast<Index>(count));
+  MatrixXd states(static_cast<Index>(input.size()), static_cast<Index>(count));
   for (std::size_t c = 0; c < count; ++c) states.col(static_cast<Index>(c)) = columns[c];
   return states;
 }

@@ -4,6 +4,8 @@
 #include <array>
 #include <cmath>
 
+#include "core/discrepancy/machine_linear.h"
+
 namespace valvetriage {
 namespace {
 
@@ -280,6 +282,9 @@ std::vector<MachineTrial> single_trials(const MachineData& data, const MachineGr
     MachineTrial trial{{law.cause}, law.place, {}};
     for (const int order : law_orders(g)) {
       for (const auto& start : law.starts) trial.starts.push_back(with_law(g.of_order(order).fit, law, start));
+    }
+    if (law.cause == "friction" && !g.one_rate && g.least_delay > 0) {
+      for (MachineFit& fit : held_input_frictions(data, g)) trial.starts.push_back(std::move(fit));
     }
     trials.push_back(std::move(trial));
   }

@@ -284,6 +284,50 @@ TEST(Machine, ARegulatedLoopIsNotExplainedByItsControllerRunBackwards) {
   EXPECT_GT(d.gain.noise_floor, 0.7 * 0.005);
 }
 
+/// A valve that sticks, a delay and a lag of 5 samples behind a PI controller that never comes to rest by it.
+Recording limit_cycle(double breakaway, double kinetic, std::uint64_t seed) {
+  constexpr std::size_t kCycleSamples = 2000, kDelay = 2;
+  Noise noise(seed);
+  Signal u(kCycleSamples), y(kCycleSamples), held(kCycleSamples);
+  double sum = 0, state = 3, position = 0;
+  for (std::size_t t = 0; t < kCycleSamples; ++t) {
+    y[t] = state + 0.03 * noise.normal();
+    sum -= 0.15 * y[t];
+    u[t] = sum - y[t];
+    const double strain = u[t] - position;
+    if (std::abs(strain) > breakaway) position = u[t] - std::copysign(kinetic, strain);
+    held[t] = position;
+    state += 0.18 * ((t < kDelay ? 0 : held[t - kDelay]) - state);
+  }
+  return recording(u, y, kPeriod_s, 0, 0);
+}
+
+TEST(Machine, AValveThatKeepsALoopCyclingByItsFrictionIsFoundDownToTheNoise) {
+  const auto d = diagnosis_of(limit_cycle(3, 2, 61)).discrepancy;
+  ASSERT_FALSE(d.causes.empty());
+  const auto& cause = d.causes.front();
+  const auto& list = cause.alternatives;
+  EXPECT_TRUE(cause.cause == "friction" || std::find(list.begin(), list.end(), "friction") != list.end());
+  EXPECT_GT(d.gain.rmse_baseline, 1.5 * 0.03);
+  EXPECT_LT(d.gain.rmse_extended, 1.1 * 0.03);
+}
+
+TEST(Machine, TheBlackBoxOfARegulatedLoopDoesNotKnowTheDisturbanceFromTheControllersAnswer) {
+  Noise noise(63);
+  const Signal load = coloured(2000, 33, 64);
+  Signal u(2000), y(2000);
+  double sum = 0, state = 0;
+  for (std::size_t t = 0; t < u.size(); ++t) {
+    y[t] = state + 0.5 * load[t] + 0.05 * noise.normal();
+    sum -= 0.1 * y[t];
+    u[t] = sum - 0.5 * y[t];
+    state += 0.18 * ((t < 2 ? 0 : u[t - 2]) - state);
+  }
+  const auto d = diagnosis_of(recording(u, y, kPeriod_s, 0, 0)).discrepancy;
+  EXPECT_EQ(d.conclusion, Conclusion::kNone);
+  EXPECT_GT(d.gain.rmse_black_box, 0.9 * d.gain.rmse_baseline);
+}
+
 /// A lag of 10 samples behind a PI controller whose set-point steps now and then.
 Recording loop_with_steps(std::uint64_t seed) {
   Noise noise(seed);
