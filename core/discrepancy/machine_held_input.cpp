@@ -9,9 +9,9 @@
 namespace valvetriage {
 namespace {
 
-// A valve moves on after a reversal once the input has gone back by breakaway + kinetic: a small error in this sum moves
-// every slip or leaves it out. The jump, breakaway - kinetic, is a height; where the valve stands at first shifts all
-// places that it jumps to, for ever.
+// A valve moves on after a reversal once the input has gone back by breakaway + kinetic: a small error in this sum
+// moves every slip or leaves it out. The jump, breakaway - kinetic, is a height; where the valve stands at first shifts
+// all places that it jumps to, for ever.
 constexpr double kLeastBand = 0.1, kMostBand = 0.99, kBandRatio = 1.03;  // of the input's range
 constexpr std::array kJumps{0.04, 0.14, 0.24, 0.34, 0.46, 0.7};          // of the band
 constexpr int kHolds = 12;                                               // on either side of the first input

@@ -37,6 +37,9 @@ Result<std::vector<double>> free_run(const Model& model, const SignalLaws& laws,
 /// Errors  as `simulate` for a sample time that the system cannot be brought to
 Result<LinearFilter> sampled_dynamics(const TransferFunction& g, double sample_period_s);
 
+/// Whether two sampling periods are one: their clocks differ by less than a crystal's 100 ppm.
+bool is_same_period(double one_s, double other_s);
+
 /// The measured outputs that set the initial state, NaN where one takes no part.
 std::vector<double> first_outputs(const Recording& recording, const InitialState& initial);
 

@@ -14,10 +14,10 @@ using Eigen::Index;
 using In = std::span<const double>;
 using Out = std::span<double>;
 
-constexpr double kLeaves = 1e9;  // a run that gets here has left every machine's range
-constexpr int kLoopPlays = 8;
-constexpr int kSubSteps = 4;  // of tanks and motions, per sample
-constexpr std::size_t kSettleEvery = 64;
+constexpr double kLeaves = Machine::kLeaves;
+constexpr int kLoopPlays = Machine::kLoopPlays;
+constexpr int kSubSteps = Machine::kSubSteps;
+constexpr std::size_t kSettleEvery = Machine::kSettleEvery;
 
 /// A cascade of sections at work, its basis signals from the last section to the first.
 class Cascade {

@@ -62,6 +62,7 @@ enum class MachineLaw : std::uint8_t {
   kGainStep,
   kSide
 };
+constexpr std::size_t kMachineLaws = static_cast<std::size_t>(MachineLaw::kSide) + 1;
 
 /// Name in documents and names of the parameters, in order.
 std::string_view name_of(MachineLaw law);
@@ -80,6 +81,11 @@ struct MachineBlock {
 
 /// A machine as a chain of blocks, from the input to the reading, on a sample period of its own.
 struct Machine {
+  static constexpr double kLeaves = 1e9;           ///< a run that gets here has left every machine's range
+  static constexpr int kLoopPlays = 8;             ///< of kLoop
+  static constexpr int kSubSteps = 4;              ///< of kMotion and kTanks, per sample
+  static constexpr std::size_t kSettleEvery = 64;  ///< samples from one SectionState::settle of kLinear to the next
+
   double sample_period_s = 0;
   /// What enters is the mean of the input over each interval between samples, in which steps are held and everything
   /// else is straight: where a session holds both, its samples alone do not say when a step came.

@@ -37,27 +37,27 @@ struct LawEntry {
   Names parameters;
 };
 
-const std::array<LawEntry, 21> kLaws{{{MachineLaw::kLinear, "linear", {}},
-                                      {MachineLaw::kAffine, "affine", kAffineNames},
-                                      {MachineLaw::kPlay, "play", kPlayNames},
-                                      {MachineLaw::kStickSlip, "stick_slip", kStickNames},
-                                      {MachineLaw::kLoop, "loop", kLoopNames},
-                                      {MachineLaw::kDeadBand, "dead_band", kBandNames},
-                                      {MachineLaw::kUpperLimit, "upper_limit", kLimitNames},
-                                      {MachineLaw::kLowerLimit, "lower_limit", kLimitNames},
-                                      {MachineLaw::kCurve, "curve", kCurveNames},
-                                      {MachineLaw::kMagnitude, "magnitude", kFoldNames},
-                                      {MachineLaw::kRateLimit, "rate_limit", kRateNames},
-                                      {MachineLaw::kLag, "lag", kLagNames},
-                                      {MachineLaw::kSpring, "spring", kSpringNames},
-                                      {MachineLaw::kRestoringLoop, "restoring_loop", kBoucWenNames},
-                                      {MachineLaw::kMotion, "motion", kMotionNames},
-                                      {MachineLaw::kTanks, "tanks", kTankNames},
-                                      {MachineLaw::kTone, "tone", kToneNames},
-                                      {MachineLaw::kDrift, "drift", kDriftNames},
-                                      {MachineLaw::kWarming, "warming", kWarmingNames},
-                                      {MachineLaw::kGainStep, "gain_step", kStepNames},
-                                      {MachineLaw::kSide, "side", kSideNames}}};
+const std::array<LawEntry, kMachineLaws> kLaws{{{MachineLaw::kLinear, "linear", {}},
+                                                {MachineLaw::kAffine, "affine", kAffineNames},
+                                                {MachineLaw::kPlay, "play", kPlayNames},
+                                                {MachineLaw::kStickSlip, "stick_slip", kStickNames},
+                                                {MachineLaw::kLoop, "loop", kLoopNames},
+                                                {MachineLaw::kDeadBand, "dead_band", kBandNames},
+                                                {MachineLaw::kUpperLimit, "upper_limit", kLimitNames},
+                                                {MachineLaw::kLowerLimit, "lower_limit", kLimitNames},
+                                                {MachineLaw::kCurve, "curve", kCurveNames},
+                                                {MachineLaw::kMagnitude, "magnitude", kFoldNames},
+                                                {MachineLaw::kRateLimit, "rate_limit", kRateNames},
+                                                {MachineLaw::kLag, "lag", kLagNames},
+                                                {MachineLaw::kSpring, "spring", kSpringNames},
+                                                {MachineLaw::kRestoringLoop, "restoring_loop", kBoucWenNames},
+                                                {MachineLaw::kMotion, "motion", kMotionNames},
+                                                {MachineLaw::kTanks, "tanks", kTankNames},
+                                                {MachineLaw::kTone, "tone", kToneNames},
+                                                {MachineLaw::kDrift, "drift", kDriftNames},
+                                                {MachineLaw::kWarming, "warming", kWarmingNames},
+                                                {MachineLaw::kGainStep, "gain_step", kStepNames},
+                                                {MachineLaw::kSide, "side", kSideNames}}};
 
 const LawEntry& entry_of(MachineLaw law) {
   return kLaws[static_cast<std::size_t>(law)];

@@ -13,7 +13,6 @@ using Complex = std::complex<double>;
 constexpr double kLargestE = 1.999;           // a pole product above −1
 constexpr double kOfStableTriangle = 0.9995;  // share of 4 − 2e that f may take
 
-constexpr double kSettled = 1e-200;
 constexpr double kAtInfinity = 1e-12;  // |1 / z| below which a root z is at infinity: a vanishing first coefficient
 
 Section section_of(Complex p1, Complex p2) {

@@ -47,6 +47,8 @@ int order_of(std::span<const Section> sections);
 /// One section at work: level y and difference v = y(t) − y(t−1). A response that has died out is set to zero now and
 /// then by settle(), for numbers below 1e-308 would cost a hundred times more.
 struct SectionState {
+  static constexpr double kSettled = 1e-200;
+
   double keep = 0;  ///< 1 − e, 0 for order 1
   double f = 0;
   double level = 0;

@@ -15,7 +15,7 @@ namespace {
 
 using Eigen::Index;
 
-// Two clocks that differ by less than a crystal's 100 ppm are one sample time.
+// A crystal's 100 ppm.
 constexpr double kClockTolerance = 1e-4;
 
 std::string pole_text(std::complex<double> p) {
@@ -300,7 +300,7 @@ Result<std::vector<double>> simulate_machine(const Machine& machine, std::span<c
                                              const InitialState& initial) {
   if (const auto checked = check_machine(machine); !checked) return tl::unexpected(checked.error());
   if (input.empty()) return std::vector<double>{};
-  const bool own_grid = std::abs(machine.sample_period_s - period_s) <= kClockTolerance * period_s;
+  const bool own_grid = is_same_period(machine.sample_period_s, period_s);
   const double to = own_grid ? period_s : machine.sample_period_s;
   const auto resampled = [&](std::span<const double> values) {
     if (own_grid || values.empty()) return std::vector<double>(values.begin(), values.end());
@@ -326,9 +326,13 @@ Result<std::vector<double>> simulate_machine(const Machine& machine, std::span<c
 
 }  // namespace
 
+bool is_same_period(double one_s, double other_s) {
+  return std::abs(one_s - other_s) <= kClockTolerance * other_s;
+}
+
 Result<LinearFilter> sampled_dynamics(const TransferFunction& g, double sample_period_s) {
   if (g.domain == Domain::kS) return LinearFilter::sampled(g, sample_period_s);
-  if (std::abs(g.sample_time_s - sample_period_s) <= kClockTolerance * sample_period_s) {
+  if (is_same_period(g.sample_time_s, sample_period_s)) {
     return LinearFilter::recursion(g);
   }
   auto continuous = continuous_from_zoh(g);

@@ -20,6 +20,7 @@ constexpr double kStandRate_hz = 200;
 /// The rate that was asked for, else that of the model itself, else the stand's.
 double sample_period_s(const ExportArguments& arguments, const Model& model) {
   if (arguments.sample_rate_hz > 0) return 1 / arguments.sample_rate_hz;
+  if (model.machine) return model.machine->sample_period_s;
   return model.dynamics.domain == Domain::kZ ? model.dynamics.sample_time_s : 1 / kStandRate_hz;
 }
 
@@ -48,8 +49,10 @@ void add_export_command(CLI::App& app, int& exit_status) {
           "json: the model document, complete and by itself; c: one C99 file that simulates it, one call per sample")
       ->check(CLI::IsMember({"c", "json"}))
       ->capture_default_str();
-  verb->add_option("--sample-rate-hz", arguments->sample_rate_hz,
-                   "Rate of the C file's samples; that of a discrete model, else 200, when not said")
+  verb->add_option(
+          "--sample-rate-hz", arguments->sample_rate_hz,
+          "Rate of the C file's samples; that of a discrete model or a machine, else 200, when not said. A machine "
+          "has no other")
       ->check(CLI::PositiveNumber);
   verb->add_option("-o,--output", arguments->output, "File to write; standard output when not said");
   verb->callback([arguments, &exit_status] { exit_status = run(*arguments); });

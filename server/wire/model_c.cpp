@@ -9,23 +9,13 @@
 
 #include "core/mechanisms/simulate_extended.h"
 #include "core/model/free_run.h"
+#include "server/wire/c_source.h"
+#include "server/wire/machine_c.h"
 
 namespace valvetriage {
 namespace {
 
-std::string number(double value) {
-  if (std::isinf(value)) return value > 0 ? "HUGE_VAL" : "-HUGE_VAL";
-  return fmt::format("{:.17g}", value);
-}
-
-std::string numbers(std::span<const double> values) {
-  std::string text;
-  for (const double value : values) text += (text.empty() ? "" : ", ") + number(value);
-  return text.empty() ? "0" : text;  // C99 has no empty array
-}
-
-/// A law as C: what it remembers, how that begins, and its statements on `x`. `{n}` is its number, `{0}`, `{1}`, ...
-/// its parameters; R, T and the others are constants of the file.
+/// A law as C: `{n}` is its number, `{0}`, `{1}`, ... its parameters; R, T and the others are constants of the file.
 struct LawText {
   std::string_view cause;
   std::string_view state;
@@ -42,7 +32,7 @@ constexpr LawText kLawTexts[] = {
      "  x -= x - m->held{n};"},
     {"hysteresis", "double stop{n}[8], last{n};",
      "m->last{n} = driver;\n"
-     "  for (int k = 0; k < 8; ++k) m->stop{n}[k] = ({2}) * ({1}) * (k + 1) / 8;",
+     "    for (int k = 0; k < 8; ++k) m->stop{n}[k] = ({2}) * ({1}) * (k + 1) / 8;",
      "double sum{n} = 0;\n"
      "  for (int k = 0; k < 8; ++k) {\n"
      "    const double bound = ({1}) * (k + 1) / 8;\n"
@@ -104,25 +94,28 @@ constexpr LawText kLawTexts[] = {
     {"side_input", "", "", "x += {0} * side;"},
 };
 
+/// What laws call.
+constexpr CFunction kLawFunctions[] = {
+    {"clamped",
+     "\n/* A clamp from above, its corner a parabola over one thousandth of the range to both sides. */\n"
+     "static double clamped(double x, double level) {\n  const double knee = 1e-3 * R;\n"
+     "  if (!(x > level - knee)) return x;\n  if (x >= level + knee) return level;\n"
+     "  return x - (x - level + knee) * (x - level + knee) / (4 * knee);\n}\n"},
+    {"square_of_heating",
+     "\nstatic double square_of_heating(const valvetriage_model *m) {\n"
+     "  const double over = MIDDLE != 0 ? m->input / MIDDLE : 1;\n  return over * over;\n}\n"},
+};
+
 const LawText* text_of(std::string_view cause) {
   const auto found = std::find_if(std::begin(kLawTexts), std::end(kLawTexts),
                                   [&](const LawText& text) { return text.cause == cause; });
   return found == std::end(kLawTexts) ? nullptr : found;
 }
 
-std::string filled(std::string_view text, std::size_t n, std::span<const double> parameters) {
-  std::string result(text);
-  const auto replace = [&](const std::string& mark, const std::string& by) {
-    for (auto at = result.find(mark); at != std::string::npos; at = result.find(mark, at + by.size())) {
-      result.replace(at, mark.size(), by);
-    }
-  };
-  replace("{n}", std::to_string(n));
-  for (std::size_t j = 0; j < parameters.size(); ++j) {
-    const std::string value = number(parameters[j]);
-    replace("{" + std::to_string(j) + "}", parameters[j] < 0 ? "(" + value + ")" : value);
-  }
-  return result;
+std::vector<CMark> marks_of(std::size_t n, std::span<const double> parameters) {
+  std::vector<CMark> marks{{"n", std::to_string(n)}};
+  for (std::size_t j = 0; j < parameters.size(); ++j) marks.push_back(parameter_mark(std::to_string(j), parameters[j]));
+  return marks;
 }
 
 bool is_neutral(const Mechanism& law, const std::vector<double>& parameters) {
@@ -130,31 +123,22 @@ bool is_neutral(const Mechanism& law, const std::vector<double>& parameters) {
          law.cause != "saturation";
 }
 
-/// The laws of one place as a function on x, and what they remember.
-struct PlaceText {
-  std::string state, code;
-};
-
-PlaceText place_text(const Model& model, Place place) {
-  PlaceText text;
+/// The laws of one place.
+CLaws laws_at(const Model& model, Place place) {
+  CLaws laws;
   for (std::size_t n = 0; n < model.mechanisms.size(); ++n) {
     const MechanismUse& use = model.mechanisms[n];
     const Mechanism& law = *find_mechanism(use.cause);
-    const LawText* c = text_of(use.cause);
+    const LawText* text = text_of(use.cause);
     const bool is_inside = model.map && law.acts_in_blocks_alone(use.parameters);
-    if (law.place != place || !c || is_inside || is_neutral(law, use.parameters)) continue;
-    if (!c->state.empty()) text.state += fmt::format("  {}\n", filled(c->state, n, use.parameters));
-    // What a law begins with is the signal as the laws before it leave it.
-    const std::string begin =
-        c->begin.empty() ? "" : fmt::format("  if (is_first) {{ {} }}\n", filled(c->begin, n, use.parameters));
-    text.code +=
-        fmt::format("  /* {}: {} */\n{}  {}\n", law.cause, law.wrong, begin, filled(c->code, n, use.parameters));
+    if (law.place != place || !text || is_inside || is_neutral(law, use.parameters)) continue;
+    laws.add({text->state, text->begin, text->code}, fmt::format("{}: {}", law.cause, law.wrong),
+             marks_of(n, use.parameters));
   }
-  return text;
+  return laws;
 }
 
 Result<void> check(const Model& model) {
-  if (model.machine) return fail("machine", "a machine, a chain of blocks of its own, cannot be exported as C");
   std::size_t channels = 0;
   for (const MechanismUse& use : model.mechanisms) {
     if (use.cause == "side_input") ++channels;
@@ -173,20 +157,6 @@ Result<void> check(const Model& model) {
   if (!is_stable(model.dynamics)) return fail("unstable", "the model is unstable and cannot be exported");
   return {};
 }
-
-constexpr const char* kHead = R"c(/* {title}
- *
- * Written by valvetriage; self-contained C99, nothing allocated. One call of valvetriage_step per sample of {period} s:
- *   input    the {input_unit} at this sample
- *   is_step  1 where the command was held until this sample and jumped here, 0 where it went straight
- *   side     deviation of the side channel from its mean; 0 where the model has none
- * valvetriage_start puts the model to rest at the first input; input_noise is the standard deviation of the noise on
- * the input, 0 for a command. The first step is the first sample.
- */
-#include <math.h>
-#include <stddef.h>
-
-)c";
 
 /// The linear system in observer chain form behind its delay; `rise` is how far the input goes over an interval.
 constexpr const char* kFilter = R"c(
@@ -447,30 +417,7 @@ double valvetriage_step(valvetriage_model *m, double input, int is_step, double 
   ++m->samples;
   return y;
 }
-
-#ifdef VALVETRIAGE_MAIN
-#include <stdio.h>
-int main(void) {
-  static valvetriage_model model;
-  double input, side;
-  int is_step, is_first = 1;
-  while (scanf("%lf %d %lf", &input, &is_step, &side) == 3) {
-    if (is_first) valvetriage_start(&model, input, 0);
-    is_first = 0;
-    printf("%.17g\n", valvetriage_step(&model, input, is_step, side));
-  }
-  return 0;
-}
-#endif
 )c";
-
-std::string define(std::string_view name, double value) {
-  return fmt::format("#define {} ({})\n", name, number(value));
-}
-
-std::string array(std::string_view name, std::span<const double> values) {
-  return fmt::format("static const double {}[] = {{{}}};\n", name, numbers(values));
-}
 
 /// Healthy flows as the volume's class has them: κ, and the shares of another drain and of a loss.
 std::string volume_constants(const OrificeVolume& v) {
@@ -481,13 +428,13 @@ std::string volume_constants(const OrificeVolume& v) {
   const double slope = n * std::pow(reference + kLaminar, n - 1) + flow(reference, n) * n / drop;
   const double drain = v.drain_excess_exponent != 0 ? std::max(n + v.drain_excess_exponent, 0.05) : n;
   const double highest = v.highest_psi > 0 ? v.highest_psi : 2 * reference;
-  return define("SUPPLY", v.supply_psi) + define("EXPONENT", n) + define("DRAIN_EXPONENT", drain) +
-         define("DRAIN_SHARE", flow(reference, n) / flow(reference, drain)) +
-         define("LOSS_SHARE", v.loss_fraction * flow(highest, n) / flow(highest, 0.5)) +
-         define("SCALE", 1 / (v.time_constant_s * slope)) + define("FALL_RATIO", v.fall_to_rise_ratio) +
-         define("CEILING", v.ceiling_psi) + define("STOP", v.stop_psi) + define("REFERENCE", reference) +
-         define("AIR_SHARE", v.air_share) +
-         define("IS_HEALTHY", v.drain_excess_exponent == 0 && v.loss_fraction == 0 ? 1 : 0);
+  return c_define("SUPPLY", v.supply_psi) + c_define("EXPONENT", n) + c_define("DRAIN_EXPONENT", drain) +
+         c_define("DRAIN_SHARE", flow(reference, n) / flow(reference, drain)) +
+         c_define("LOSS_SHARE", v.loss_fraction * flow(highest, n) / flow(highest, 0.5)) +
+         c_define("SCALE", 1 / (v.time_constant_s * slope)) + c_define("FALL_RATIO", v.fall_to_rise_ratio) +
+         c_define("CEILING", v.ceiling_psi) + c_define("STOP", v.stop_psi) + c_define("REFERENCE", reference) +
+         c_define("AIR_SHARE", v.air_share) +
+         c_define("IS_HEALTHY", v.drain_excess_exponent == 0 && v.loss_fraction == 0 ? 1 : 0);
 }
 
 /// A sliding spool's, as core/model/spool_friction.cpp derives them.
@@ -496,11 +443,11 @@ std::string spool_constants(const ValveDynamics& spool, const SpoolFriction& fri
   const double lag_s = spool.lag_s.empty() ? 0 : spool.lag_s.front();
   const double delay = spool.delay_s / sample_period_s;
   return fmt::format("#define SUBSTEPS {}\n#define INTERVALS {}\n", substeps, static_cast<long>(delay) + 2) +
-         define("SPOOL_DELAY", delay) + define("NATURAL", spool.natural_frequency_rad_s) +
-         define("DAMPING", spool.damping_ratio) + define("BREAKAWAY", friction.breakaway_a) +
-         define("KINETIC", std::min(friction.kinetic_a, friction.breakaway_a)) +
-         define("STRIBECK", friction.stribeck_a_per_s) +
-         define("HALF_WAY", lag_s > 0 ? -std::expm1(-0.5 * sample_period_s / substeps / lag_s) : 1);
+         c_define("SPOOL_DELAY", delay) + c_define("NATURAL", spool.natural_frequency_rad_s) +
+         c_define("DAMPING", spool.damping_ratio) + c_define("BREAKAWAY", friction.breakaway_a) +
+         c_define("KINETIC", std::min(friction.kinetic_a, friction.breakaway_a)) +
+         c_define("STRIBECK", friction.stribeck_a_per_s) +
+         c_define("HALF_WAY", lag_s > 0 ? -std::expm1(-0.5 * sample_period_s / substeps / lag_s) : 1);
 }
 
 std::string law_function(std::string_view name, std::string_view extra, const std::string& code) {
@@ -512,6 +459,7 @@ std::string law_function(std::string_view name, std::string_view extra, const st
 
 Result<std::string> to_c(const Model& given, double sample_period_s) {
   if (!(sample_period_s > 0)) return fail("not_positive", "the sample period must be positive");
+  if (given.machine) return machine_to_c(given, sample_period_s);
   const auto model = with_reshaped_blocks(given);
   if (!model) return tl::unexpected(model.error());
   if (auto checked = check(*model); !checked) return tl::unexpected(checked.error());
@@ -530,35 +478,35 @@ Result<std::string> to_c(const Model& given, double sample_period_s) {
   const double high_a = is_valve ? model->map->input.back() : given.input_offset;
   const double rise = is_valve ? model->map->output.back() - model->map->output.front() : 0;
 
-  std::string text(kHead);
-  const auto set = [&](const std::string& mark, const std::string& by) {
-    text.replace(text.find(mark), mark.size(), by);
-  };
-  set("{title}", is_valve ? "Simulation of a valve." : "Simulation of a linear machine.");
-  set("{period}", number(sample_period_s));
-  set("{input_unit}", given.input_unit == "A" ? "current in A" : "input");
-
-  text += define("T", sample_period_s) + fmt::format("#define ORDER {}\n#define COLUMNS {}\n#define DELAY {}\n",
-                                                     filter->order(), chain.input.cols(), filter->delay_samples());
-  text += define("INPUT_OFFSET", given.input_offset) + define("OUTPUT_OFFSET", given.output_offset);
-  text += define("R", std::abs(rise)) + define("MIDDLE", 0.5 * (low_a + high_a)) + define("REST", low_a) +
-          define("SECANT", is_valve ? rise / (high_a - low_a) : gain);
-  text += define("LOOP_WIDTH", model->loop ? model->loop->width_a : 0);
+  std::string text =
+      c_head({.title = is_valve ? "Simulation of a valve." : "Simulation of a linear machine.",
+              .sample_period_s = sample_period_s,
+              .input_unit = given.input_unit,
+              .is_step = "1 where the command was held until this sample and jumped here, 0 where it went straight",
+              .side = "deviation of the side channel from its mean; 0 where the model has none",
+              .input_noise = "is the standard deviation of the noise on\n * the input, 0 for a command",
+              .more = ""});
+  text += c_define("T", sample_period_s) + fmt::format("#define ORDER {}\n#define COLUMNS {}\n#define DELAY {}\n",
+                                                       filter->order(), chain.input.cols(), filter->delay_samples());
+  text += c_define("INPUT_OFFSET", given.input_offset) + c_define("OUTPUT_OFFSET", given.output_offset);
+  text += c_define("R", std::abs(rise)) + c_define("MIDDLE", 0.5 * (low_a + high_a)) + c_define("REST", low_a) +
+          c_define("SECANT", is_valve ? rise / (high_a - low_a) : gain);
+  text += c_define("LOOP_WIDTH", model->loop ? model->loop->width_a : 0);
   if (model->volume) text += volume_constants(*model->volume);
   const bool slides = is_valve && model->friction;
   if (slides) text += spool_constants(*to_valve_dynamics(model->dynamics), *model->friction, sample_period_s);
   const std::vector<double> direct(chain.direct.begin(), chain.direct.end());
-  text += array("diagonal", chain.diagonal) + array("lower", chain.lower) + array("input_row", rows) +
-          fmt::format("static const double direct[4] = {{{}}};\n", numbers(direct)) + array("at_rest", rest.x) +
-          array("loop_threshold", MagneticLoop::kThresholds_a) +
-          array("loop_share", model->loop ? model->loop->shares : MagneticLoop::kEqualShares);
+  text += c_array("diagonal", chain.diagonal) + c_array("lower", chain.lower) + c_array("input_row", rows) +
+          fmt::format("static const double direct[4] = {{{}}};\n", c_numbers(direct)) + c_array("at_rest", rest.x) +
+          c_array("loop_threshold", MagneticLoop::kThresholds_a) +
+          c_array("loop_share", model->loop ? model->loop->shares : MagneticLoop::kEqualShares);
   if (is_valve) {
     text += fmt::format("#define KNOTS {}\n", model->map->input.size());
-    text += array("map_input", model->map->input) + array("map_output", model->map->output);
+    text += c_array("map_input", model->map->input) + c_array("map_output", model->map->output);
   }
 
-  const PlaceText input = place_text(*model, Place::kInput), position = place_text(*model, Place::kPosition),
-                  steady = place_text(*model, Place::kSteady), output = place_text(*model, Place::kOutput);
+  const CLaws input = laws_at(*model, Place::kInput), position = laws_at(*model, Place::kPosition),
+              steady = laws_at(*model, Place::kSteady), output = laws_at(*model, Place::kOutput);
   text +=
       "\ntypedef struct {\n  size_t samples;\n  double input, driver, force_driver, loop_driver, noise, start, "
       "held_back, stop[4];\n"
@@ -566,21 +514,8 @@ Result<std::string> to_c(const Model& given, double sample_period_s) {
       "  size_t oldest;\n#endif\n  double steady, pressure;\n" +
       std::string(slides ? "  double from[INTERVALS], to[INTERVALS], first, lagged, spool_x, spool_v;\n" : "") +
       input.state + position.state + steady.state + output.state + "} valvetriage_model;\n";
-  text +=
-      "\nvoid valvetriage_start(valvetriage_model *m, double input, double input_noise);\n"
-      "double valvetriage_step(valvetriage_model *m, double input, int is_step, double side);\n";
-  if (output.code.find("clamped(") != std::string::npos) {
-    text +=
-        "\n/* A clamp from above, its corner a parabola over one thousandth of the range to both sides. */\n"
-        "static double clamped(double x, double level) {\n  const double knee = 1e-3 * R;\n"
-        "  if (!(x > level - knee)) return x;\n  if (x >= level + knee) return level;\n"
-        "  return x - (x - level + knee) * (x - level + knee) / (4 * knee);\n}\n";
-  }
-  if (steady.code.find("square_of_heating(") != std::string::npos) {
-    text +=
-        "\nstatic double square_of_heating(const valvetriage_model *m) {\n"
-        "  const double over = MIDDLE != 0 ? m->input / MIDDLE : 1;\n  return over * over;\n}\n";
-  }
+  text += kCInterface;
+  text += called_functions(kLawFunctions, output.code + steady.code);
   const char* begin = "  (void)is_first;\n";
   const std::string to_position = is_valve ? "" : "  x = x / SECANT + REST;\n";
   const std::string from_position = is_valve ? "" : "  x = (x - REST) * SECANT;\n";
@@ -597,7 +532,11 @@ Result<std::string> to_c(const Model& given, double sample_period_s) {
               : "\nstatic double volume_settled(double steady) { return steady; }\n"
                 "static double volume_advance(double p, double before, double steady) {\n  (void)p;\n  (void)before;\n"
                 "  return steady;\n}\n";
-  return text + kLoop + kFilter + (slides ? kSlidingSpool : kFreeSpool) + kStep;
+  text += kLoop;
+  text += kFilter;
+  text += slides ? kSlidingSpool : kFreeSpool;
+  text += kStep;
+  return text += kCMain;
 }
 
 }  // namespace valvetriage

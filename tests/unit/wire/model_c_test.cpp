@@ -2,15 +2,12 @@
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <cmath>
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
 
 #include "core/mechanisms/simulate_extended.h"
 #include "core/recording/segments.h"
+#include "tests/unit/wire/c_program.h"
 
 namespace valvetriage {
 namespace {
@@ -64,39 +61,13 @@ const Recording& motion() {
   return recording;
 }
 
-/// Compiled, fed with the recording, read back.
-std::vector<double> run_in_c(const std::string& source) {
-  namespace fs = std::filesystem;
-  const fs::path folder = fs::temp_directory_path() / fmt::format("valvetriage_c_{}", ::getpid());
-  fs::create_directories(folder);
-  std::ofstream(folder / "model.c") << source;
-  std::ofstream input(folder / "input");
-  const Recording& r = motion();
-  std::vector<int> is_step(kSamples, 0);
-  for (const Segment& segment : r.segments) is_step[segment.begin] = segment.kind == SegmentKind::kStep;
-  for (std::size_t i = 0; i < kSamples; ++i) {
-    input << fmt::format("{:.17g} {} {:.17g}\n", r.input.values[i], is_step[i], r.side[0].values[i]);
-  }
-  input.close();
-  const std::string compile =
-      fmt::format("{} -std=c99 -O1 -Wall -Wextra -Werror -pedantic -DVALVETRIAGE_MAIN -o {}/model {}/model.c -lm",
-                  VALVETRIAGE_C_COMPILER, folder.string(), folder.string());
-  EXPECT_EQ(std::system(compile.c_str()), 0) << source;
-  EXPECT_EQ(std::system(fmt::format("{0}/model < {0}/input > {0}/output", folder.string()).c_str()), 0);
-  std::ifstream output(folder / "output");
-  std::vector<double> y;
-  for (double value = 0; output >> value;) y.push_back(value);
-  fs::remove_all(folder);
-  return y;
-}
-
 /// The same to the rounding of libraries and orders of summing, grown over 10,000 samples.
 void expect_same(const Model& model) {
   const auto source = to_c(model, kPeriod_s);
   ASSERT_TRUE(source.has_value()) << source.error().message;
   const auto simulated = simulate_extended(model, motion(), {});
   ASSERT_TRUE(simulated.has_value()) << simulated.error().message;
-  const std::vector<double> y = run_in_c(*source);
+  const std::vector<double> y = run_in_c(*source, motion());
   ASSERT_EQ(y.size(), kSamples);
   for (std::size_t i = 0; i < kSamples; ++i) ASSERT_NEAR(y[i], (*simulated)[i], 1e-6) << "at sample " << i;
 }
