@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/recording/white_noise.h"
+
 namespace valvetriage {
 namespace {
 
@@ -11,7 +13,7 @@ constexpr double kGateInDeviations = 1.0;
 }  // namespace
 
 double loop_gate(const IntervalSignal& input) {
-  return kGateInDeviations * white_noise(input.start);
+  return kGateInDeviations * (input.noise ? *input.noise : white_noise(input.start));
 }
 
 std::vector<double> loop_driver(const IntervalSignal& input, double gate) {

@@ -66,6 +66,13 @@ struct InputJump {
   bool in_gap = false;       ///< rows are missing just there: the instant is the latest possible
 };
 
+/// Noise of the log of an input that is smooth from row to row but, by a clock that jitters, not in time: one loop
+/// writes the command and reads the gauges. In time the roughness of such an input is as real as its shape.
+struct InputNoise {
+  std::vector<double> values;  ///< on the grid, as much as can be told
+  double left = 0;             ///< standard deviation of what the input still has without them
+};
+
 /// One time series from the test stand, as everything above this floor sees it: uniformly sampled, converted.
 ///
 /// `time_s` are the file's own stamps, n of them, strictly increasing. Where the stamps are uniform the grid is the
@@ -85,6 +92,7 @@ struct Recording {
   std::vector<Channel> side;        ///< named side inputs, n_grid values each
   std::vector<std::uint8_t> valid;  ///< n_grid flags; empty means all valid
   std::vector<InputJump> jumps;     ///< of a resampled recording's input, in their order
+  InputNoise input_noise;           ///< where the input is smooth from row to row only; else empty
 
   std::vector<QualityItem> quality;
   std::vector<Segment> segments;

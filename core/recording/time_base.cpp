@@ -7,23 +7,14 @@
 #include <limits>
 
 #include "core/recording/limits.h"
+#include "core/recording/resample.h"
 
 namespace valvetriage {
 namespace {
 
-constexpr double kGapRatio = 1.5;         ///< an interval above this many medians holds a missing sample
 constexpr double kJitterRatio = 0.05;     ///< off the grid by more than this part of a period: 0.8 noise at a step edge
 constexpr double kIrregularShare = 0.25;  ///< of intervals far from the median: no sampling rate to speak of
 constexpr double kMostMissing = 0.5;      ///< of the grid
-constexpr double kJumpRatio = 0.02;       ///< of the input's range within one interval: a jump, not a slope,
-constexpr double kSteepBeside = 0.2;      ///< unless the intervals beside it rise as much as this part of it
-constexpr std::size_t kSlopePoints = 5;   ///< of the parabola that gives the slope at the edge of a gap
-
-struct Grid {
-  double start_s = 0;
-  double period_s = 0;
-  std::size_t size = 0;
-};
 
 double median_of(std::vector<double> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
@@ -46,7 +37,7 @@ Error time_error(std::string code, const Channel& time, std::string found, std::
   return error;
 }
 
-Result<Grid> find_grid(const Channel& channel) {
+Result<UniformGrid> find_grid(const Channel& channel) {
   const std::vector<double>& time = channel.values;
   const std::vector<double> intervals = intervals_of(time);
   const double median = median_of(intervals);
@@ -60,7 +51,7 @@ Result<Grid> find_grid(const Channel& channel) {
     }
     if (std::abs(periods - 1.0) > kGapRatio - 1.0) ++irregular;
   }
-  Grid grid{.start_s = time.front(), .period_s = sum / static_cast<double>(counted)};
+  UniformGrid grid{.start_s = time.front(), .period_s = sum / static_cast<double>(counted)};
   const double periods = std::round((time.back() - time.front()) / grid.period_s);
   const auto rows = static_cast<double>(time.size());
   if (static_cast<double>(irregular) > kIrregularShare * rows) {
@@ -93,7 +84,7 @@ struct Deviations {
   double worst_ratio = 0;
 };
 
-Deviations deviations_of(const std::vector<double>& time, const Grid& grid) {
+Deviations deviations_of(const std::vector<double>& time, const UniformGrid& grid) {
   Deviations found;
   for (const double stamp : time) {
     const double at = (stamp - grid.start_s) / grid.period_s;
@@ -112,7 +103,7 @@ struct Gaps {
   std::size_t missing = 0;
 };
 
-Gaps gaps_of(const std::vector<double>& time, const Grid& grid) {
+Gaps gaps_of(const std::vector<double>& time, const UniformGrid& grid) {
   Gaps gaps;
   for (std::size_t i = 0; i + 1 < time.size(); ++i) {
     const double length = time[i + 1] - time[i];
@@ -130,102 +121,6 @@ Gaps gaps_of(const std::vector<double>& time, const Grid& grid) {
     }
   }
   return gaps;
-}
-
-/// Whether values[i] − values[i − 1] is a step on its own: a steep slope goes on beside it.
-bool is_jump(const std::vector<double>& values, std::size_t i, double least) {
-  const double rise = std::abs(values[i] - values[i - 1]);
-  if (!(rise > least)) return false;
-  const double before = i >= 2 ? std::abs(values[i - 1] - values[i - 2]) : 0;
-  const double after = i + 1 < values.size() ? std::abs(values[i + 1] - values[i]) : 0;
-  return std::max(before, after) < kSteepBeside * rise;
-}
-
-/// Slope at stamp `at` of the parabola through it and nearest to four more: before it (side 1) or behind it (side −1).
-double end_slope(const std::vector<double>& time, const std::vector<double>& values, std::size_t at, int side) {
-  double s2 = 0, s3 = 0, s4 = 0, r1 = 0, r2 = 0;
-  for (int k = 1; k < static_cast<int>(kSlopePoints); ++k) {
-    const auto i = static_cast<std::ptrdiff_t>(at) - side * k;
-    if (i < 0 || i >= static_cast<std::ptrdiff_t>(time.size())) return 0;
-    const double t = time[static_cast<std::size_t>(i)] - time[at];
-    const double v = values[static_cast<std::size_t>(i)] - values[at];
-    s2 += t * t, s3 += t * t * t, s4 += t * t * t * t;
-    r1 += t * v, r2 += t * t * v;
-  }
-  const double determinant = s2 * s4 - s3 * s3;
-  return determinant > 0 ? (r1 * s4 - r2 * s3) / determinant : 0;
-}
-
-/// Whether the stamps from which slopes at a gap are taken hold no step.
-bool is_smooth_beside(const std::vector<double>& values, std::size_t right, double jump) {
-  const std::size_t first = right >= kSlopePoints ? right - kSlopePoints + 1 : 1;
-  const std::size_t last = std::min(values.size(), right + kSlopePoints);
-  for (std::size_t i = first; i < last; ++i) {
-    if (is_jump(values, i, jump)) return false;
-  }
-  return true;
-}
-
-/// Across a gap: the cubic with the values and slopes of both ends; a straight line would cut a sine's corner.
-double across_gap(const std::vector<double>& time, const std::vector<double>& values, std::size_t right,
-                  double weight) {
-  const double length = time[right] - time[right - 1];
-  const double a = values[right - 1], rise = values[right] - a;
-  const double from = length * end_slope(time, values, right - 1, 1);
-  const double to = length * end_slope(time, values, right, -1);
-  return a + weight * (from + weight * (3 * rise - 2 * from - to + weight * (from + to - 2 * rise)));
-}
-
-std::vector<double> on_grid(const std::vector<double>& time, const std::vector<double>& values, const Grid& grid,
-                            double jump, bool curved) {
-  std::vector<double> resampled(grid.size);
-  std::size_t right = 1;
-  for (std::size_t k = 0; k < grid.size; ++k) {
-    const double at = grid.start_s + static_cast<double>(k) * grid.period_s;
-    while (right + 1 < time.size() && time[right] < at) ++right;
-    const double weight = std::clamp((at - time[right - 1]) / (time[right] - time[right - 1]), 0.0, 1.0);
-    const double rise = values[right] - values[right - 1];
-    const bool held = is_jump(values, right, jump);
-    const bool gap = time[right] - time[right - 1] > kGapRatio * grid.period_s;
-    if (held) {
-      resampled[k] = weight < 1 ? values[right - 1] : values[right];
-    } else if (gap && curved && is_smooth_beside(values, right, jump)) {
-      resampled[k] = across_gap(time, values, right, weight);
-    } else {
-      resampled[k] = values[right - 1] + weight * rise;
-    }
-  }
-  return resampled;
-}
-
-std::vector<InputJump> jumps_of(const std::vector<double>& time, const std::vector<double>& values, const Grid& grid,
-                                double least) {
-  std::vector<InputJump> jumps;
-  for (std::size_t i = 1; i < values.size(); ++i) {
-    if (!is_jump(values, i, least)) continue;
-    const double at = (time[i] - grid.start_s) / grid.period_s;
-    const double interval = std::max(std::ceil(at) - 1, 0.0);
-    if (interval + 1 >= static_cast<double>(grid.size)) continue;
-    jumps.push_back({static_cast<std::size_t>(interval), std::clamp(at - interval, 0.0, 1.0),
-                     time[i] - time[i - 1] > kGapRatio * grid.period_s});
-  }
-  return jumps;
-}
-
-double range_of(const std::vector<double>& values) {
-  const auto [low, high] = std::ranges::minmax(values);
-  return high - low;
-}
-
-void resample(Recording& recording, const Grid& grid) {
-  constexpr double kNever = std::numeric_limits<double>::infinity();
-  const std::vector<double>& time = recording.time_s;
-  const double jump = kJumpRatio * range_of(recording.input.values);
-  recording.jumps = jumps_of(time, recording.input.values, grid, jump);
-  recording.input.values = on_grid(time, recording.input.values, grid, jump, true);
-  if (!recording.output.values.empty())
-    recording.output.values = on_grid(time, recording.output.values, grid, kNever, false);
-  for (Channel& side : recording.side) side.values = on_grid(time, side.values, grid, kNever, false);
 }
 
 Result<void> check_increasing(const Channel& time) {
@@ -285,7 +180,7 @@ Result<Recording> to_uniform_time(RawRecording raw, std::optional<double> sample
                                gaps.count == 1 ? "" : "s", gaps.longest_s, gaps.first_s),
          .count = gaps.missing});
   }
-  if (jitters || gaps.count > 0) resample(recording, *grid);
+  if (jitters || gaps.count > 0) resample(recording, *grid, jitters);
   recording.valid = std::move(gaps.valid);
   return recording;
 }

@@ -52,8 +52,9 @@ void CLaws::add(const CLaw& law, std::string_view comment, std::span<const CMark
   code += fmt::format("  /* {} */\n", comment);
   // What a law begins with is the signal as the laws before it leave it.
   const bool has_lines = law.begin.find('\n') != std::string_view::npos;
-  if (!law.begin.empty()) code += fmt::format("  if (is_first) {{{}{}{}}}\n", has_lines ? "\n    " : " ", filled(law.begin, marks),
-                                           has_lines ? "\n  " : " ");
+  if (!law.begin.empty())
+    code += fmt::format("  if (is_first) {{{}{}{}}}\n", has_lines ? "\n    " : " ", filled(law.begin, marks),
+                        has_lines ? "\n  " : " ");
   code += fmt::format("  {}\n", filled(law.code, marks));
 }
 

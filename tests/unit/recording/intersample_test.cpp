@@ -1,4 +1,5 @@
 #include "core/recording/intersample.h"
+#include "core/recording/white_noise.h"
 
 #include <gtest/gtest.h>
 

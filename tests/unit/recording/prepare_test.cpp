@@ -77,7 +77,7 @@ TEST(Prepare, ResamplesJitteredStampsAndHoldsTheInputAcrossItsStep) {
   for (std::size_t i = 0; i < recording->samples(); ++i) {
     const double u = recording->input.values[i];
     EXPECT_TRUE(u == 1.0 || u == 1.4 || u == 1.8) << u;
-    // linear interpolation of a sine over 7 ms: h²/8, and the grid's start is the first stamp
+    // straight at the ends, a sine over 7 ms: h²/8, and the grid's start is the first stamp
     const double at = recording->start_s + static_cast<double>(i) * recording->sample_period_s;
     EXPECT_NEAR(recording->output.values[i], std::sin(at), 1.5e-3);
   }
