@@ -13,6 +13,8 @@ using Eigen::VectorXd;
 /// A signature below this is no effect that the recordings could show: a hundredth of one sample's noise.
 constexpr double kLeastEffect = 1e-4;
 constexpr std::size_t kManyParameters = 6, kFinalists = 6;
+// Starts whose effects are projected together.
+constexpr std::size_t kStartsAtOnce = 8;
 /// A valve this far from good ones, in noise variances, is worth a law in the place of its own parameters.
 constexpr double kLeastInPlace = 8;
 
@@ -25,17 +27,12 @@ class Search {
   int simulations() const { return simulations_; }
 
   LinearisedValve::Signature effect(const std::vector<double>& parameters) {
-    Stack column;
-    const VectorXd v = fit_.problem().continued_in(problem_, fit_.at(), parameters);
-    for (std::size_t r = 0; r < problem_.recordings(); ++r) {
-      if (!problem_.acts(law_, r)) {
-        column.push_back(VectorXd::Zero(fit_.error()[r].size()));
-        continue;
-      }
-      ++simulations_;
-      column.push_back(fit_.whitened(r, simulated(v, r)));
-    }
-    return fit_.signature(std::move(column));
+    return fit_.signature(column(parameters));
+  }
+  std::vector<LinearisedValve::Signature> effects(std::span<const std::vector<double>> each) {
+    std::vector<Stack> columns;
+    for (const std::vector<double>& parameters : each) columns.push_back(column(parameters));
+    return fit_.signatures(std::move(columns));
   }
 
   /// Of the whole vector, everything simulated.
@@ -48,21 +45,30 @@ class Search {
   Stack residual(const VectorXd& baseline, const std::vector<double>& parameters) {
     simulations_ += static_cast<int>(problem_.recordings());
     const VectorXd v = fit_.problem().continued_in(problem_, baseline, parameters);
+    const std::vector<ValveFitProblem::Run> at_v = problem_.all_runs(v);
     Stack residual;
     for (std::size_t r = 0; r < problem_.recordings(); ++r) {
-      residual.push_back(fit_.error()[r] - fit_.whitened(r, problem_.simulate(v, r)));
+      residual.push_back(fit_.error()[r] - fit_.whitened(r, at_v[r].output));
     }
     return residual;
   }
 
-  /// The effect of parameters that differ from those of `at` in one recording's own entry only.
-  LinearisedValve::Signature effect_of_own(const std::vector<double>& parameters, std::size_t recording,
-                                           const LinearisedValve::Signature& at) {
-    Stack column = at.column;
-    const VectorXd v = fit_.problem().continued_in(problem_, fit_.at(), parameters);
-    ++simulations_;
-    column[recording] = fit_.whitened(recording, simulated(v, recording));
-    return fit_.signature(std::move(column));
+  /// How the law changes the reading, whitened.
+  Stack column(const std::vector<double>& parameters) {
+    std::vector<std::size_t> acted_on;
+    Stack column;
+    for (std::size_t r = 0; r < problem_.recordings(); ++r) {
+      column.push_back(VectorXd::Zero(fit_.error()[r].size()));
+      if (problem_.acts(law_, r)) acted_on.push_back(r);
+    }
+    put_in(parameters, acted_on, column);
+    return column;
+  }
+  /// The same of parameters that differ from those of `at` in one recording's own entry only.
+  Stack column_of_own(const std::vector<double>& parameters, std::size_t recording, const Stack& at) {
+    Stack column = at;
+    put_in(parameters, {&recording, 1}, column);
+    return column;
   }
   /// The recording whose own entry j is; empty for a shared one.
   std::optional<std::size_t> owner(std::size_t j) const {
@@ -97,14 +103,13 @@ class Search {
     return options;
   }
 
-  std::vector<double> simulated(const VectorXd& v, std::size_t r) const {
-    if (law_.law->place != Place::kOutput || law_.law->reshape) return problem_.simulate(v, r);
-    // Behind everything: nothing before it changes.
-    std::vector<double> output = fit_.run(r).output;
-    LawContext context = problem_.context(v, r);
-    context.steady = fit_.run(r).steady;
-    law_.law->apply(problem_.law_parameters(v, options_.laws.size() - 1, r), context, output);
-    return output;
+  void put_in(const std::vector<double>& parameters, std::span<const std::size_t> recordings, Stack& column) {
+    const VectorXd v = fit_.problem().continued_in(problem_, fit_.at(), parameters);
+    const auto outputs = problem_.simulate_behind_last(v, recordings, fit_.runs());
+    for (std::size_t k = 0; k < recordings.size(); ++k) {
+      column[recordings[k]] = fit_.whitened(recordings[k], outputs[k]);
+    }
+    simulations_ += static_cast<int>(recordings.size());
   }
 
   const LinearisedValve& fit_;
@@ -144,10 +149,8 @@ std::optional<std::vector<double>> mirrored(const Search& search, const LawInFit
   return parameters;
 }
 
-Point point_at(Search& search, const LinearisedValve& fit, std::vector<double> parameters) {
-  Point point;
-  point.parameters = std::move(parameters);
-  point.effect = search.effect(point.parameters);
+Point point_with(const LinearisedValve& fit, std::vector<double> parameters, LinearisedValve::Signature effect) {
+  Point point{.parameters = std::move(parameters), .effect = std::move(effect)};
   const double size = fit.product(point.effect, point.effect);
   if (!(size > kLeastEffect)) return point;
   const double against = fit.against_error(point.effect);
@@ -156,13 +159,17 @@ Point point_at(Search& search, const LinearisedValve& fit, std::vector<double> p
   return point;
 }
 
+Point point_at(Search& search, const LinearisedValve& fit, std::vector<double> parameters) {
+  LinearisedValve::Signature effect = search.effect(parameters);
+  return point_with(fit, std::move(parameters), std::move(effect));
+}
+
 /// The starts that promise most, best first. Whichever sign a start has, the recordings tell the effect's.
 std::vector<Point> best_starts(Search& search, const LinearisedValve& fit, const LawInFit& law,
                                const std::vector<std::vector<double>>& starts, std::size_t most) {
   std::vector<Point> best;
-  for (const std::vector<double>& start : starts) {
-    Point point = point_at(search, fit, search.clamped(start));
-    if (!(fit.product(point.effect, point.effect) > kLeastEffect)) continue;
+  const auto enter = [&](Point point) {
+    if (!(fit.product(point.effect, point.effect) > kLeastEffect)) return;
     if (point.promise == 0) {
       if (auto other = mirrored(search, law, point.parameters)) {
         if (Point there = point_at(search, fit, std::move(*other)); there.promise > 0) point = std::move(there);
@@ -172,32 +179,38 @@ std::vector<Point> best_starts(Search& search, const LinearisedValve& fit, const
         std::find_if(best.begin(), best.end(), [&](const Point& p) { return p.promise < point.promise; });
     best.insert(behind, std::move(point));
     if (best.size() > most) best.pop_back();
+  };
+  for (std::size_t first = 0; first < starts.size(); first += kStartsAtOnce) {
+    std::vector<std::vector<double>> some;
+    for (std::size_t i = first; i < std::min(first + kStartsAtOnce, starts.size()); ++i) {
+      some.push_back(search.clamped(starts[i]));
+    }
+    std::vector<LinearisedValve::Signature> effects = search.effects(some);
+    for (std::size_t i = 0; i < some.size(); ++i) enter(point_with(fit, std::move(some[i]), std::move(effects[i])));
   }
   return best;
 }
 
 /// One damped Gauss-Newton step; false where none lowers the cost.
 bool descend(Search& search, const LinearisedValve& fit, Point& point, double& damping) {
-  std::vector<LinearisedValve::Signature> slope;
   std::vector<std::size_t> varied;
   for (std::size_t j = 0; j < point.parameters.size(); ++j) {
     if (search.step(j) > 0) varied.push_back(j);
   }
   const std::size_t k = varied.size();
+  if (k == 0) return false;
+  std::vector<Stack> columns;
   for (const std::size_t j : varied) {
     std::vector<double> moved = point.parameters;
     const double step = moved[j] + search.step(j) > search.upper(j) ? -search.step(j) : search.step(j);
     moved[j] += step;
     const auto owner = search.owner(j);
-    LinearisedValve::Signature there = owner ? search.effect_of_own(moved, *owner, point.effect) : search.effect(moved);
-    for (std::size_t r = 0; r < there.column.size(); ++r) {
-      there.column[r] = (there.column[r] - point.effect.column[r]) / step;
+    columns.push_back(owner ? search.column_of_own(moved, *owner, point.effect.column) : search.column(moved));
+    for (std::size_t r = 0; r < columns.back().size(); ++r) {
+      columns.back()[r] = (columns.back()[r] - point.effect.column[r]) / step;
     }
-    there.load = (there.load - point.effect.load) / step;
-    there.absorbed = (there.absorbed - point.effect.absorbed) / step;
-    slope.push_back(std::move(there));
   }
-  if (k == 0) return false;
+  const std::vector<LinearisedValve::Signature> slope = fit.signatures(std::move(columns));
   MatrixXd a(k, k);
   VectorXd b(k);
   for (std::size_t i = 0; i < k; ++i) {

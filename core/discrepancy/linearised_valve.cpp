@@ -10,10 +10,10 @@ using Eigen::VectorXd;
 
 LinearisedValve::LinearisedValve(const ValveFitProblem& problem, VectorXd v) : problem_(problem), v_(std::move(v)) {
   normal_ = {MatrixXd::Zero(problem.size(), problem.size()), VectorXd::Zero(problem.size())};
+  runs_ = problem.all_runs(v_);
   for (std::size_t r = 0; r < problem.recordings(); ++r) {
     rows_.push_back(problem.rows(v_, r));
     error_.push_back(rows_.back().error);
-    runs_.push_back(problem.run(v_, r, false));
     problem.accumulate(rows_.back(), 0, rows_.back().error.size(), r, normal_);
     samples_ += weight() * static_cast<double>(rows_.back().error.size());
   }
@@ -36,16 +36,39 @@ VectorXd LinearisedValve::whitened(std::size_t recording, std::span<const double
   return column;
 }
 
-LinearisedValve::Signature LinearisedValve::signature(Stack column) const {
-  Signature signature{.column = std::move(column), .load = VectorXd::Zero(problem_.size())};
+std::vector<LinearisedValve::Signature> LinearisedValve::signatures(std::vector<Stack> columns) const {
+  const auto count = static_cast<Index>(columns.size());
   const Index shared = problem_.shared();
+  MatrixXd loads = MatrixXd::Zero(problem_.size(), count);
   for (std::size_t r = 0; r < rows_.size(); ++r) {
-    const VectorXd local = weight() * (rows_[r].jacobian.transpose() * signature.column[r]);
-    signature.load.head(shared) += local.head(shared);
-    signature.load.segment(problem_.own_at(r), problem_.own()) += local.tail(problem_.own());
+    std::vector<Index> seen;  // a law of one recording changes nothing in the others
+    for (Index k = 0; k < count; ++k) {
+      if (!columns[static_cast<std::size_t>(k)][r].isZero(0)) seen.push_back(k);
+    }
+    if (seen.empty()) continue;
+    MatrixXd there(rows_[r].error.size(), static_cast<Index>(seen.size()));
+    for (std::size_t i = 0; i < seen.size(); ++i) {
+      there.col(static_cast<Index>(i)) = columns[static_cast<std::size_t>(seen[i])][r];
+    }
+    const MatrixXd local = weight() * rows_[r].jacobian.transposed_times(0, there);
+    for (std::size_t i = 0; i < seen.size(); ++i) {
+      loads.col(seen[i]).head(shared) += local.col(static_cast<Index>(i)).head(shared);
+      loads.col(seen[i]).segment(problem_.own_at(r), problem_.own()) +=
+          local.col(static_cast<Index>(i)).tail(problem_.own());
+    }
   }
-  signature.absorbed = factor_.solve(signature.load);
-  return signature;
+  const MatrixXd absorbed = factor_.solve(loads);
+  std::vector<Signature> signatures;
+  for (Index k = 0; k < count; ++k) {
+    signatures.push_back({std::move(columns[static_cast<std::size_t>(k)]), loads.col(k), absorbed.col(k)});
+  }
+  return signatures;
+}
+
+LinearisedValve::Signature LinearisedValve::signature(Stack column) const {
+  std::vector<Stack> one;
+  one.push_back(std::move(column));
+  return std::move(signatures(std::move(one)).front());
 }
 
 double LinearisedValve::product(const Signature& a, const Signature& b) const {
@@ -65,10 +88,10 @@ double LinearisedValve::cost_without(const Signature& taken) const {
 }
 
 Stack LinearisedValve::moved(Stack left, const VectorXd& shift) const {
-  const Index shared = problem_.shared();
   for (std::size_t r = 0; r < rows_.size(); ++r) {
-    left[r] -= rows_[r].jacobian.leftCols(shared) * shift.head(shared) +
-               rows_[r].jacobian.rightCols(problem_.own()) * shift.segment(problem_.own_at(r), problem_.own());
+    VectorXd local(rows_[r].jacobian.cols());
+    local << shift.head(problem_.shared()), shift.segment(problem_.own_at(r), problem_.own());
+    left[r] -= rows_[r].jacobian.times(local);
   }
   return left;
 }

@@ -37,6 +37,7 @@ class LinearisedValve {
   Eigen::VectorXd whitened(std::size_t recording, std::span<const double> simulated) const;
   /// The fit's own free run.
   const ValveFitProblem::Run& run(std::size_t recording) const { return runs_[recording]; }
+  std::span<const ValveFitProblem::Run> runs() const { return runs_; }
 
   /// A column with what the fit can absorb of it.
   struct Signature {
@@ -45,6 +46,8 @@ class LinearisedValve {
     Eigen::VectorXd absorbed;  ///< (JᵀJ + Π)⁻¹ load
   };
   Signature signature(Stack column) const;
+  /// Of several columns at once: the sensitivities are read once for all of them.
+  std::vector<Signature> signatures(std::vector<Stack> columns) const;
   double product(const Signature& a, const Signature& b) const;
   /// ⟨a, error⟩, the prior's pull included where v is no exact minimum.
   double against_error(const Signature& a) const;

@@ -72,9 +72,8 @@ std::vector<double> Explanation::standard_errors(double inflation) const {
     for (Index block = 0; block < kScoreBlocks; ++block) {
       const Index first = block * count / kScoreBlocks, last = (block + 1) * count / kScoreBlocks;
       problem->accumulate(rows, first, last - first, r, normal);
-      const VectorXd score =
-          static_cast<double>(problem->stride()) *
-          (rows.jacobian.middleRows(first, last - first).transpose() * rows.error.segment(first, last - first));
+      const VectorXd score = static_cast<double>(problem->stride()) *
+                             rows.jacobian.transposed_times(first, rows.error.segment(first, last - first));
       scores.push_back(VectorXd::Zero(problem->size()));
       scores.back().head(shared) = score.head(shared);
       scores.back().segment(own, problem->own()) = score.tail(problem->own());

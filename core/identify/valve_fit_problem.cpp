@@ -229,7 +229,7 @@ void ValveFitProblem::follow_rests(const VectorXd& v) {
     const Recording& recording = *prepared.recording;
     prepared.rests = spool_rests(recording, valve, map, options_.usual.gauge_lag_s, std::sqrt(prepared.noise_variance));
     const double noise = static_cast<double>(recording.samples()) * prepared.noise_variance;
-    const double left = squared_error(v, r);
+    const double left = squared_error(r, simulate(v, r));
     const double slow = std::max(1.0, valve.volume.time_constant_s / recording.sample_period_s);
     prepared.inverse_variance = 1 / (prepared.noise_variance * (1 + slow * std::max(0.0, left / noise - 1)));
   }
@@ -291,10 +291,10 @@ LawContext ValveFitProblem::context(const VectorXd& v, std::size_t recording) co
           .secant = (highest - lowest) / (options_.knots.back() - options_.knots.front())};
 }
 
-ValveFitProblem::Blocks ValveFitProblem::blocks_of(const VectorXd& v, std::size_t recording) const {
+ValveFitProblem::Blocks ValveFitProblem::blocks_of(const VectorXd& v, std::size_t recording, std::size_t laws) const {
   Blocks blocks{.valve = to_parameters(v.head(kParameters), options_.reference_psi, options_.usual)};
   blocks.valve.volume.highest_psi = v(kParameters + knots_ - 1);
-  for (std::size_t l = 0; l < options_.laws.size(); ++l) {
+  for (std::size_t l = 0; l < laws; ++l) {
     const LawInFit& law = options_.laws[l];
     if (!law.law->reshape || !acts(law, recording)) continue;
     law.law->reshape(law_parameters(v, l, recording), {blocks.valve.spool, blocks.valve.volume, blocks.friction});
@@ -329,57 +329,153 @@ IntervalSignal ValveFitProblem::behind_input_laws(const VectorXd& v, std::size_t
   return signal.empty() ? prepared.input : intervals(signal);
 }
 
-void ValveFitProblem::run_position(const VectorXd& v, std::size_t recording, std::vector<double>& position) const {
-  const Prepared& prepared = prepared_[recording];
-  const Blocks blocks = blocks_of(v, recording);
-  const double memory = v(own_at(recording) + kMemory);
-  const MagneticLoop loop = loop_of(blocks.valve, options_.usual, memory);
-  const double period_s = prepared.recording->sample_period_s;
-  const SampledValveDynamics spool(blocks.valve.spool, period_s);
-  const bool is_moved = std::any_of(options_.laws.begin(), options_.laws.end(),
-                                    [&](const LawInFit& law) { return acts_at(law, Place::kInput, recording); });
-  const IntervalSignal moved = is_moved ? behind_input_laws(v, recording) : IntervalSignal{};
-  const IntervalSignal force =
-      is_moved ? loop.apply(moved, loop_driver(moved, prepared.gate)) : loop.apply(prepared.input, prepared.driver);
-  position.resize(prepared.input.start.size());
-  if (blocks.friction.breakaway_a > 0) {
-    run_sliding_spool(blocks.valve.spool, blocks.friction, period_s, force, memory, position, prepared.rests);
-  } else {
-    spool.run(force, position);
+std::vector<std::vector<double>> ValveFitProblem::positions(std::span<const RunAt> at) const {
+  std::vector<Blocks> blocks;
+  std::vector<IntervalSignal> forces;
+  std::vector<std::vector<double>> positions(at.size());
+  for (std::size_t k = 0; k < at.size(); ++k) {
+    const auto& [v, recording] = at[k];
+    const Prepared& prepared = prepared_[recording];
+    blocks.push_back(blocks_of(*v, recording));
+    const MagneticLoop loop = loop_of(blocks.back().valve, options_.usual, (*v)(own_at(recording) + kMemory));
+    const bool is_moved =
+        std::any_of(options_.laws.begin(), options_.laws.end(),
+                    [&, r = recording](const LawInFit& law) { return acts_at(law, Place::kInput, r); });
+    const IntervalSignal moved = is_moved ? behind_input_laws(*v, recording) : IntervalSignal{};
+    forces.push_back(is_moved ? loop.apply(moved, loop_driver(moved, prepared.gate))
+                              : loop.apply(prepared.input, prepared.driver));
+    positions[k].resize(prepared.input.start.size());
   }
-  SampledValveDynamics::State free =
-      displaced_spool(spool, v(own_at(recording) + kSpoolRate), v(own_at(recording) + kSpoolPosition));
-  for (double& x : position) {
-    if (free.squaredNorm() < 1e-24) break;  // decayed below any effect
-    x += free(free.size() - 1);
-    free = spool.transition().lazyProduct(free).eval();
+  std::vector<SlidingRun> sliding;
+  for (std::size_t k = 0; k < at.size(); ++k) {
+    const auto& [v, recording] = at[k];
+    const ValveDynamics& spool = blocks[k].valve.spool;
+    if (!(blocks[k].friction.breakaway_a > 0)) continue;
+    sliding.push_back({&spool, &blocks[k].friction, period_s(recording), &forces[k], (*v)(own_at(recording) + kMemory),
+                       positions[k], prepared_[recording].rests});
   }
-  apply_laws(Place::kPosition, v, recording, {}, position, nullptr);
+  run_sliding_spools(sliding);
+  for (std::size_t k = 0; k < at.size(); ++k) {
+    const auto& [v, recording] = at[k];
+    const SampledValveDynamics spool(blocks[k].valve.spool, period_s(recording));
+    if (!(blocks[k].friction.breakaway_a > 0)) spool.run(forces[k], positions[k]);
+    SampledValveDynamics::State free =
+        displaced_spool(spool, (*v)(own_at(recording) + kSpoolRate), (*v)(own_at(recording) + kSpoolPosition));
+    for (double& x : positions[k]) {
+      if (free.squaredNorm() < 1e-24) break;  // decayed below any effect
+      x += free(free.size() - 1);
+      free = spool.transition().lazyProduct(free).eval();
+    }
+    apply_laws(Place::kPosition, *v, recording, {}, positions[k], nullptr);
+  }
+  return positions;
+}
+
+std::vector<ValveFitProblem::Run> ValveFitProblem::runs(const VectorXd& v, std::span<const std::size_t> recordings,
+                                                        bool tangents) const {
+  const StaticMap map = map_of(v);
+  std::vector<Run> runs(recordings.size());
+  std::vector<OrificeVolume> volumes;
+  std::vector<RunAt> at;
+  for (const std::size_t r : recordings) at.push_back({&v, r});
+  std::vector<std::vector<double>> moved = positions(at);
+  for (std::size_t k = 0; k < runs.size(); ++k) {
+    Run& run = runs[k];
+    run.position = std::move(moved[k]);
+    run.mapped = run.position;
+    map.apply(run.mapped);
+    run.steady = run.mapped;
+    apply_laws(Place::kSteady, v, recordings[k], run.mapped, run.steady, nullptr);
+    volumes.push_back(blocks_of(v, recordings[k]).valve.volume);
+  }
+  std::vector<VolumeRun> through;
+  for (std::size_t k = 0; k < runs.size(); ++k) {
+    runs[k].pressure.resize(runs[k].steady.size());
+    through.push_back(volume_run(v, recordings[k], volumes[k], runs[k].steady, runs[k].pressure));
+    if (tangents) through.back().tangent = &runs[k].tangent;
+  }
+  run_volumes(through);
+  for (std::size_t k = 0; k < runs.size(); ++k) {
+    Run& run = runs[k];
+    read_behind_lag(options_.usual.gauge_lag_s, period_s(recordings[k]), run.pressure);
+    run.output = run.pressure;
+    apply_laws(Place::kOutput, v, recordings[k], run.steady, run.output, tangents ? &run.before_output : nullptr);
+  }
+  return runs;
+}
+
+VolumeRun ValveFitProblem::volume_run(const VectorXd& v, std::size_t recording, const OrificeVolume& volume,
+                                      std::span<const double> steady, std::span<double> pressure) const {
+  return {&volume, period_s(recording), steady.front() + v(own_at(recording) + kPressureGap), steady, pressure};
 }
 
 ValveFitProblem::Run ValveFitProblem::run(const VectorXd& v, std::size_t recording, bool tangents) const {
-  Run run;
-  run_position(v, recording, run.position);
-  run.mapped = run.position;
-  map_of(v).apply(run.mapped);
-  run.steady = run.mapped;
-  apply_laws(Place::kSteady, v, recording, run.mapped, run.steady, nullptr);
-  run.pressure.resize(run.steady.size());
-  const double first = run.steady.front() + v(own_at(recording) + kPressureGap);
-  run_volume(blocks_of(v, recording).valve.volume, prepared_[recording].recording->sample_period_s, first, run.steady,
-             run.pressure, tangents ? &run.tangent : nullptr);
-  read_behind_lag(options_.usual.gauge_lag_s, prepared_[recording].recording->sample_period_s, run.pressure);
-  run.output = run.pressure;
-  apply_laws(Place::kOutput, v, recording, run.steady, run.output, tangents ? &run.before_output : nullptr);
-  return run;
+  return std::move(runs(v, {&recording, 1}, tangents).front());
+}
+
+std::vector<ValveFitProblem::Run> ValveFitProblem::all_runs(const VectorXd& v) const {
+  std::vector<std::size_t> all(prepared_.size());
+  std::iota(all.begin(), all.end(), std::size_t{0});
+  return runs(v, all, false);
 }
 
 std::vector<double> ValveFitProblem::simulate(const VectorXd& v, std::size_t recording) const {
   return std::move(run(v, recording, false).output);
 }
 
-double ValveFitProblem::squared_error(const VectorXd& v, std::size_t recording) const {
-  const std::vector<double> simulated = simulate(v, recording);
+std::vector<std::vector<double>> ValveFitProblem::simulate_behind_last(const VectorXd& v,
+                                                                       std::span<const std::size_t> recordings,
+                                                                       std::span<const Run> without_last) const {
+  const std::size_t last = options_.laws.size() - 1;
+  const LawInFit& law = options_.laws[last];
+  const auto with_law = [&](std::size_t r, const std::vector<double>& signal, const std::vector<double>& steady) {
+    std::vector<double> changed = signal;
+    LawContext seen = context(v, r);
+    seen.steady = steady;
+    law.law->apply(law_parameters(v, last, r), seen, changed);
+    return changed;
+  };
+  std::vector<std::vector<double>> outputs(recordings.size());
+  std::vector<std::size_t> whole, behind_map;  // places in `recordings`
+  std::vector<std::vector<double>> steady(recordings.size());
+  std::vector<OrificeVolume> volumes(recordings.size());
+  for (std::size_t k = 0; k < recordings.size(); ++k) {
+    const std::size_t r = recordings[k];
+    const Run& before_law = without_last[r];
+    const Blocks blocks = blocks_of(v, r), before = blocks_of(v, r, last);
+    if (acts_at(law, Place::kInput, r) || acts_at(law, Place::kPosition, r) ||
+        !(blocks.valve.spool == before.valve.spool) || !(blocks.friction == before.friction)) {
+      whole.push_back(k);
+    } else if (acts_at(law, Place::kSteady, r) || !(blocks.valve.volume == before.valve.volume)) {
+      behind_map.push_back(k);
+      volumes[k] = blocks.valve.volume;
+      steady[k] =
+          acts_at(law, Place::kSteady, r) ? with_law(r, before_law.steady, before_law.mapped) : before_law.steady;
+    } else {
+      outputs[k] =
+          acts_at(law, Place::kOutput, r) ? with_law(r, before_law.output, before_law.steady) : before_law.output;
+    }
+  }
+  if (!whole.empty()) {
+    std::vector<std::size_t> chosen;
+    for (const std::size_t k : whole) chosen.push_back(recordings[k]);
+    std::vector<Run> runs_of_them = runs(v, chosen, false);
+    for (std::size_t i = 0; i < whole.size(); ++i) outputs[whole[i]] = std::move(runs_of_them[i].output);
+  }
+  std::vector<VolumeRun> through;
+  for (const std::size_t k : behind_map) {
+    outputs[k].resize(steady[k].size());
+    through.push_back(volume_run(v, recordings[k], volumes[k], steady[k], outputs[k]));
+  }
+  run_volumes(through);
+  for (const std::size_t k : behind_map) {
+    read_behind_lag(options_.usual.gauge_lag_s, period_s(recordings[k]), outputs[k]);
+    apply_laws(Place::kOutput, v, recordings[k], steady[k], outputs[k], nullptr);
+  }
+  return outputs;
+}
+
+double ValveFitProblem::squared_error(std::size_t recording, const std::vector<double>& simulated) const {
   const Recording& measured = *prepared_[recording].recording;
   double squares = 0;
   for (std::size_t i = 0; i < simulated.size(); ++i) {
@@ -391,16 +487,20 @@ double ValveFitProblem::squared_error(const VectorXd& v, std::size_t recording) 
 }
 
 double ValveFitProblem::cost(const VectorXd& v) const {
+  const std::vector<Run> at_v = all_runs(v);
   double sum = penalty(v);
-  for (std::size_t r = 0; r < prepared_.size(); ++r) sum += squared_error(v, r) * prepared_[r].inverse_variance;
+  for (std::size_t r = 0; r < prepared_.size(); ++r) {
+    sum += squared_error(r, at_v[r].output) * prepared_[r].inverse_variance;
+  }
   return sum;
 }
 
 double ValveFitProblem::scale_free_cost(const VectorXd& v) const {
+  const std::vector<Run> at_v = all_runs(v);
   double sum = 0;
   for (std::size_t r = 0; r < prepared_.size(); ++r) {
     const double samples = static_cast<double>(prepared_[r].recording->samples());
-    sum += samples * std::log(prepared_[r].noise_variance + squared_error(v, r) / samples);
+    sum += samples * std::log(prepared_[r].noise_variance + squared_error(r, at_v[r].output) / samples);
   }
   return sum;
 }
@@ -437,7 +537,7 @@ void ValveFitProblem::add_penalty(const VectorXd& v, Normal& normal) const {
   }
 }
 
-/// Sensitivities at one recording, a column at a time: a difference up to the block that a parameter changes, from
+/// Sensitivities at one recording: a difference up to the block that a parameter changes, from
 /// there on the tangents of the blocks behind it.
 class ValveFitProblem::Columns {
  public:
@@ -465,30 +565,43 @@ class ValveFitProblem::Columns {
 
   const Run& base() const { return base_; }
 
-  /// ∂output / ∂v(entry).
-  std::vector<double> of(Index entry, double step) const {
-    const Index own_entry = entry - problem_.own_at(recording_);
-    if (own_entry == kPressureGap) return gap_change();
-    if ((own_entry == kSpoolRate || own_entry == kSpoolPosition) && !has_position_laws()) {
-      return spool_start_change(own_entry);
+  /// An entry of the vector and how far it is moved for a difference.
+  struct Move {
+    Index entry = 0;
+    double step = 0;
+  };
+
+  /// ∂output / ∂v(entry) of each; what has to be run again runs side by side.
+  std::vector<std::vector<double>> of(const std::vector<Move>& moves) const {
+    std::vector<std::vector<double>> changes(moves.size());
+    std::vector<VectorXd> moved(moves.size(), v_);
+    std::vector<std::size_t> spools, volumes;  // places in `moves`
+    for (std::size_t k = 0; k < moves.size(); ++k) {
+      const auto [entry, step] = moves[k];
+      const Index own_entry = entry - problem_.own_at(recording_);
+      moved[k](entry) += step;
+      if (own_entry == kPressureGap) {
+        changes[k] = gap_change();
+      } else if ((own_entry == kSpoolRate || own_entry == kSpoolPosition) && !has_position_laws()) {
+        changes[k] = spool_start_change(own_entry);
+      } else if (in_two_places(entry)) {
+        changes[k] = whole_change(moved[k], step);
+      } else {
+        const Blocks here = problem_.blocks_of(v_, recording_), there = problem_.blocks_of(moved[k], recording_);
+        if (moves_position(entry) || here.valve.loop_width_a != there.valve.loop_width_a ||
+            here.valve.narrow_loop_width_a != there.valve.narrow_loop_width_a ||
+            !(here.valve.spool == there.valve.spool) || !(here.friction == there.friction)) {
+          spools.push_back(k);
+        } else if (!(here.valve.volume == there.valve.volume)) {
+          volumes.push_back(k);
+        } else {
+          changes[k] = behind_map(moved[k], step);
+        }
+      }
     }
-    VectorXd w = v_;
-    w(entry) += step;
-    if (in_two_places(entry)) return whole_change(w, step);
-    const Blocks here = problem_.blocks_of(v_, recording_), there = problem_.blocks_of(w, recording_);
-    std::vector<double> change;
-    const bool moves = moves_position(entry) || here.valve.loop_width_a != there.valve.loop_width_a ||
-                       here.valve.narrow_loop_width_a != there.valve.narrow_loop_width_a ||
-                       differ(here.valve.spool, there.valve.spool) || !(here.friction == there.friction);
-    if (moves) {
-      change = position_change(w, step);
-      carry_steady(change);
-    } else if (!(here.valve.volume == there.valve.volume)) {
-      change = volume_change(w, there.valve.volume, step);
-    } else {
-      change = behind_map(w, step);
-    }
-    return change;
+    change_positions(moves, moved, spools, changes);
+    change_volumes(moves, moved, volumes, changes);
+    return changes;
   }
 
   bool uses_knot(Index knot) const {
@@ -510,10 +623,6 @@ class ValveFitProblem::Columns {
   }
 
  private:
-  static bool differ(const ValveDynamics& a, const ValveDynamics& b) {
-    return a.delay_s != b.delay_s || a.natural_frequency_rad_s != b.natural_frequency_rad_s ||
-           a.damping_ratio != b.damping_ratio || a.lag_s != b.lag_s;
-  }
   bool moves_position(Index entry) const {
     const Index own = problem_.own_at(recording_);
     if (entry >= own && entry < own + kStarts && entry != own + kPressureGap) return true;
@@ -574,21 +683,37 @@ class ValveFitProblem::Columns {
     return change;
   }
 
-  std::vector<double> position_change(const VectorXd& w, double step) const {
-    std::vector<double> moved;
-    problem_.run_position(w, recording_, moved);
-    for (std::size_t i = 0; i < moved.size(); ++i) moved[i] = slope_[i] * (moved[i] - base_.position[i]) / step;
-    return moved;
+  void change_positions(const std::vector<Move>& moves, const std::vector<VectorXd>& moved,
+                        const std::vector<std::size_t>& which, std::vector<std::vector<double>>& changes) const {
+    std::vector<RunAt> at;
+    for (const std::size_t k : which) at.push_back({&moved[k], recording_});
+    std::vector<std::vector<double>> positions = problem_.positions(at);
+    for (std::size_t n = 0; n < which.size(); ++n) {
+      std::vector<double>& change = changes[which[n]] = std::move(positions[n]);
+      for (std::size_t i = 0; i < change.size(); ++i) {
+        change[i] = slope_[i] * (change[i] - base_.position[i]) / moves[which[n]].step;
+      }
+      carry_steady(change);
+    }
   }
 
-  std::vector<double> volume_change(const VectorXd& w, const OrificeVolume& volume, double step) const {
-    std::vector<double> moved(base_.steady.size());
-    const double first = base_.steady.front() + w(problem_.own_at(recording_) + kPressureGap);
-    run_volume(volume, period_s(), first, base_.steady, moved);
-    read_behind_lag(problem_.options_.usual.gauge_lag_s, period_s(), moved);
-    for (std::size_t i = 0; i < moved.size(); ++i) moved[i] = (moved[i] - base_.pressure[i]) / step;
-    problem_.output_tangents(v_, recording_, base_, moved);
-    return moved;
+  void change_volumes(const std::vector<Move>& moves, const std::vector<VectorXd>& moved,
+                      const std::vector<std::size_t>& which, std::vector<std::vector<double>>& changes) const {
+    std::vector<OrificeVolume> volumes;
+    for (const std::size_t k : which) volumes.push_back(problem_.blocks_of(moved[k], recording_).valve.volume);
+    std::vector<VolumeRun> through;
+    for (std::size_t n = 0; n < which.size(); ++n) {
+      std::vector<double>& change = changes[which[n]];
+      change.resize(base_.steady.size());
+      through.push_back(problem_.volume_run(moved[which[n]], recording_, volumes[n], base_.steady, change));
+    }
+    run_volumes(through);
+    for (const std::size_t k : which) {
+      std::vector<double>& change = changes[k];
+      read_behind_lag(problem_.options_.usual.gauge_lag_s, period_s(), change);
+      for (std::size_t i = 0; i < change.size(); ++i) change[i] = (change[i] - base_.pressure[i]) / moves[k].step;
+      problem_.output_tangents(v_, recording_, base_, change);
+    }
   }
 
   /// A parameter of a law behind the map.
@@ -625,7 +750,7 @@ class ValveFitProblem::Columns {
     read_behind_lag(problem_.options_.usual.gauge_lag_s, period_s(), change);
   }
 
-  double period_s() const { return problem_.prepared_[recording_].recording->sample_period_s; }
+  double period_s() const { return problem_.period_s(recording_); }
 
   const ValveFitProblem& problem_;
   const VectorXd& v_;
@@ -660,11 +785,11 @@ ValveFitProblem::Rows ValveFitProblem::rows(const VectorXd& v, std::size_t recor
   }
   const auto count = static_cast<Index>(rows.sample.size());
   const double whiten = std::sqrt(prepared_[recording].inverse_variance);
-  rows.jacobian = MatrixXd::Zero(count, shared() + own_);
+  MatrixXd jacobian = MatrixXd::Zero(count, shared() + own_);
   rows.error.resize(count);
   const auto keep = [&](Index column, const std::vector<double>& change) {
     for (Index i = 0; i < count; ++i) {
-      rows.jacobian(i, column) = whiten * change[rows.sample[static_cast<std::size_t>(i)]];
+      jacobian(i, column) = whiten * change[rows.sample[static_cast<std::size_t>(i)]];
     }
   };
   for (Index i = 0; i < count; ++i) {
@@ -672,16 +797,20 @@ ValveFitProblem::Rows ValveFitProblem::rows(const VectorXd& v, std::size_t recor
     rows.error(i) = whiten * (measured.output.values[at] - columns.base().output[at]);
   }
   const auto inward = [&](double at, double step, double upper) { return at + step > upper ? -step : step; };
-  for (Index j = 0; j < kParameters; ++j) keep(j, columns.of(j, inward(v(j), width * step_(j), upper_(j))));
-  for (Index k = 0; k < knots_; ++k) {
-    if (columns.uses_knot(k)) keep(kParameters + k, columns.of_knot(k));
+  std::vector<Columns::Move> moves;
+  std::vector<Index> column_of;
+  for (Index j = 0; j < kParameters; ++j) {
+    moves.push_back({j, inward(v(j), width * step_(j), upper_(j))});
+    column_of.push_back(j);
   }
-
   const Index own = own_at(recording);
   const double memory_step = 0.01 * width;
   const double start_step[kStarts] = {1e-5 * width, 1e-5 * width, 1e-3 * width,
                                       v(own + kMemory) > 0 ? -memory_step : memory_step};
-  for (Index s = 0; s < kStarts; ++s) keep(shared() + s, columns.of(own + s, start_step[s]));
+  for (Index s = 0; s < kStarts; ++s) {
+    moves.push_back({own + s, start_step[s]});
+    column_of.push_back(shared() + s);
+  }
   for (std::size_t l = 0; l < options_.laws.size(); ++l) {
     const LawInFit& law = options_.laws[l];
     if (!acts(law, recording)) continue;
@@ -690,10 +819,16 @@ ValveFitProblem::Rows ValveFitProblem::rows(const VectorXd& v, std::size_t recor
       const auto offset = static_cast<Index>(is_shared ? j : j - law.shared());
       const Index entry = is_shared ? law_at_[l] + offset : own + law_own_at_[l] + offset;
       if (law.step[j] == 0) continue;  // a whole number: searched, not varied
-      const double step = inward(v(entry), width * law.step[j], law.upper[j]);
-      keep(is_shared ? entry : shared() + law_own_at_[l] + offset, columns.of(entry, step));
+      moves.push_back({entry, inward(v(entry), width * law.step[j], law.upper[j])});
+      column_of.push_back(is_shared ? entry : shared() + law_own_at_[l] + offset);
     }
   }
+  const std::vector<std::vector<double>> changes = columns.of(moves);
+  for (std::size_t k = 0; k < moves.size(); ++k) keep(column_of[k], changes[k]);
+  for (Index k = 0; k < knots_; ++k) {
+    if (columns.uses_knot(k)) keep(kParameters + k, columns.of_knot(k));
+  }
+  rows.jacobian = BlockedColumns(std::move(jacobian));
   return rows;
 }
 
@@ -701,13 +836,9 @@ void ValveFitProblem::accumulate(const Rows& rows, Index first, Index count, std
                                  Normal& normal) const {
   if (count == 0) return;
   const double weight = static_cast<double>(stride_);
-  const auto jacobian = rows.jacobian.middleRows(first, count);
-  const Index local = shared() + own_;
-  MatrixXd a = MatrixXd::Zero(local, local);
-  a.selfadjointView<Eigen::Lower>().rankUpdate(jacobian.transpose(), weight);
-  const VectorXd b = weight * (jacobian.transpose() * rows.error.segment(first, count));
+  const MatrixXd a = weight * rows.jacobian.gram(first, count);
+  const VectorXd b = weight * rows.jacobian.transposed_times(first, rows.error.segment(first, count));
   const Index own = own_at(recording);
-  a.triangularView<Eigen::StrictlyUpper>() = a.transpose();
   normal.a.topLeftCorner(shared(), shared()) += a.topLeftCorner(shared(), shared());
   normal.a.block(own, 0, own_, shared()) += a.bottomLeftCorner(own_, shared());
   normal.a.block(0, own, shared(), own_) += a.topRightCorner(shared(), own_);

@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "core/identify/blocked_columns.h"
 #include "core/identify/knot_curve.h"
 #include "core/identify/spool_rests.h"
 #include "core/identify/valve_fit.h"
@@ -68,6 +69,12 @@ class ValveFitProblem {
     VolumeTangent tangent;
   };
   Run run(const Eigen::VectorXd& v, std::size_t recording, bool tangents) const;
+  std::vector<Run> all_runs(const Eigen::VectorXd& v) const;
+  /// Outputs of some recordings at v where the last law alone makes the difference to runs without it (one of each
+  /// recording): from that law on along the chain, what comes before it is taken over.
+  std::vector<std::vector<double>> simulate_behind_last(const Eigen::VectorXd& v,
+                                                        std::span<const std::size_t> recordings,
+                                                        std::span<const Run> without_last) const;
 
   /// This problem's vector continued into one with more laws behind the same ones: `parameters` are those of the added
   /// last law, shared ones first, then each recording's own.
@@ -95,7 +102,7 @@ class ValveFitProblem {
   /// Rows of one recording, whitened by its noise: sensitivities [shared | own] and errors at every stride-th valid
   /// sample.
   struct Rows {
-    Eigen::MatrixXd jacobian;         ///< rows × (shared + own)
+    BlockedColumns jacobian;          ///< rows × (shared + own)
     Eigen::VectorXd error;            ///< measured − simulated
     std::vector<std::size_t> sample;  ///< of each row
   };
@@ -132,10 +139,23 @@ class ValveFitProblem {
     ValveParameters valve;
     SpoolFriction friction;
   };
-  Blocks blocks_of(const Eigen::VectorXd& v, std::size_t recording) const;
-  double squared_error(const Eigen::VectorXd& v, std::size_t recording) const;
+  Blocks blocks_of(const Eigen::VectorXd& v, std::size_t recording) const {
+    return blocks_of(v, recording, options_.laws.size());
+  }
+  /// With its first `laws` laws alone.
+  Blocks blocks_of(const Eigen::VectorXd& v, std::size_t recording, std::size_t laws) const;
+  double period_s(std::size_t recording) const { return prepared_[recording].recording->sample_period_s; }
+  std::vector<Run> runs(const Eigen::VectorXd& v, std::span<const std::size_t> recordings, bool tangents) const;
+  VolumeRun volume_run(const Eigen::VectorXd& v, std::size_t recording, const OrificeVolume& volume,
+                       std::span<const double> steady, std::span<double> pressure) const;
+  double squared_error(std::size_t recording, const std::vector<double>& simulated) const;
   StaticMap map_of(const Eigen::VectorXd& v) const;
-  void run_position(const Eigen::VectorXd& v, std::size_t recording, std::vector<double>& position) const;
+  struct RunAt {
+    const Eigen::VectorXd* v = nullptr;
+    std::size_t recording = 0;
+  };
+  /// The map's input in each of several runs.
+  std::vector<std::vector<double>> positions(std::span<const RunAt> at) const;
   /// Whether a law acts on a signal of this model, at a place.
   bool acts_at(const LawInFit& law, Place place, std::size_t recording) const {
     return law.law->place == place && law.law->apply && !law.acts_in_blocks_alone() && acts(law, recording);

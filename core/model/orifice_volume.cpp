@@ -1,8 +1,11 @@
 #include "core/model/orifice_volume.h"
 
 #include <algorithm>
+#include <array>
 #include <cassert>
 #include <cmath>
+#include <deque>
+#include <limits>
 #include <vector>
 
 namespace valvetriage {
@@ -11,10 +14,14 @@ namespace {
 // Where flow through an orifice turns laminar: Reynolds number 1000 in holes of half a millimetre to a millimetre.
 constexpr double kLaminar_psi = 0.1;
 constexpr double kAtmosphere_psi = 14.7;
+// A steady pressure and a volume that move by less within a sample stand still: nothing is integrated until they move.
+constexpr double kAtRest_psi = 1e-10;
+// Each step of a volume waits for the one before: several recordings one beside another keep a processor busy.
+constexpr std::size_t kSideBySide = 3;
 // The supply stays this far above the volume: a steady pressure at the supply has no drop to flow over.
 constexpr double kLeastDrop_psi = 1.0;
 
-/// φ and φ' at a pressure, ((P_s − p))^n and its derivative.
+/// What a pressure does to the flows, with derivatives by it.
 struct Flow {
   double drain = 0, drain_slope = 0;
   double drop = 0, drop_slope = 0;
@@ -35,52 +42,69 @@ void orifice(double p, double n, double zero, double& flow, double& slope) {
   }
 }
 
-// A supply of any pressure gets a table of a quarter megabyte at most; beyond 8192 psi the law is evaluated as it is.
-constexpr double kMostIntervals = 8192;
+/// Functions of one variable with their slopes.
+template <std::size_t kFunctions>
+struct Values {
+  std::array<double, kFunctions> value{}, slope{};
+};
 
-/// A smooth function of one variable on evenly spaced points, cubic between them: a power costs ten times as much.
+/// Evenly spaced points.
+struct Grid {
+  double first = 0, step = 1;
+  std::size_t points = 0;
+
+  /// No points where last <= first.
+  static Grid between(double first, double last, double step) {
+    if (!(last > first)) return {first, step, 0};
+    return {first, step, static_cast<std::size_t>(std::ceil((last - first) / step)) + 1};
+  }
+  double at(std::size_t i) const { return first + static_cast<double>(i) * step; }
+};
+
+/// Smooth functions on a grid, cubic between its points: a power costs ten times as much.
+template <std::size_t kFunctions>
 class Table {
  public:
-  /// at(x) gives value and slope; nothing is tabulated where last <= first.
-  template <typename At>
-  Table(double first, double last, double step, At at) : first_(first), per_step_(1 / step) {
-    if (!(last > first)) return;
-    const auto intervals = static_cast<std::size_t>(std::min(std::ceil((last - first) * per_step_), kMostIntervals));
-    points_.reserve(intervals + 1);
-    for (std::size_t i = 0; i <= intervals; ++i) {
-      Point point;
-      at(first + static_cast<double>(i) * step, point.value, point.slope);
-      point.slope *= step;
-      points_.push_back(point);
-    }
-    last_ = first + static_cast<double>(intervals) * step;
+  explicit Table(const Grid& grid) : grid_(grid), per_step_(1 / grid.step), points_(grid.points) {
+    if (grid.points > 1) last_ = grid.at(grid.points - 1);
   }
 
-  bool holds(double x) const { return x >= first_ && x < last_; }
+  void set(std::size_t i, Values<kFunctions> at) {
+    for (double& slope : at.slope) slope *= grid_.step;
+    points_[i] = at;
+  }
+  bool holds(double x) const { return x >= grid_.first && x < last_; }
 
-  void read(double x, double& value, double& slope) const {
-    const double place = (x - first_) * per_step_;
+  Values<kFunctions> read(double x) const {
+    const double place = (x - grid_.first) * per_step_;
     const auto i = static_cast<std::size_t>(place);
     const double t = place - static_cast<double>(i);
-    const Point &a = points_[i], &b = points_[i + 1];
-    const double rise = b.value - a.value;
-    const double c = 3 * rise - 2 * a.slope - b.slope, d = a.slope + b.slope - 2 * rise;
-    value = a.value + t * (a.slope + t * (c + t * d));
-    slope = (a.slope + t * (2 * c + 3 * t * d)) * per_step_;
+    const Values<kFunctions>&a = points_[i], &b = points_[i + 1];
+    Values<kFunctions> read;
+    for (std::size_t k = 0; k < kFunctions; ++k) {
+      const double rise = b.value[k] - a.value[k];
+      const double c = 3 * rise - 2 * a.slope[k] - b.slope[k], d = a.slope[k] + b.slope[k] - 2 * rise;
+      read.value[k] = a.value[k] + t * (a.slope[k] + t * (c + t * d));
+      read.slope[k] = (a.slope[k] + t * (2 * c + 3 * t * d)) * per_step_;
+    }
+    return read;
   }
 
  private:
-  struct Point {
-    double value = 0, slope = 0;
-  };
-  double first_ = 0, last_ = 0, per_step_ = 1;
-  std::vector<Point> points_;
+  Grid grid_;
+  double last_ = -std::numeric_limits<double>::infinity();
+  double per_step_ = 1;
+  std::vector<Values<kFunctions>> points_;
 };
 
-// In the root of the pressure a flow is nearly straight: cubics this far apart [√psi] err by less than 1e-8 of it.
-constexpr double kRootStep = 0.025;
-constexpr double kDropStep_psi = 1.0;
+// Flows bend most at small pressures: cubics this far apart err by some 1e-5 psi at most, at zero, and by less than
+// 1e-7 of the flow from half a psi on. Beyond the tables, for a reference pressure of any size, the law is evaluated as
+// it is.
+constexpr double kLowStep_psi = 1.0 / 32, kHighStep_psi = 1;
+constexpr double kLow_psi = 16.0, kMostTabulated_psi = 512.0;
 constexpr double kLeastTabulatedDrop_psi = 20.0;
+// A valve's pressures end at twice the reference; something is left for overshoot.
+constexpr double kTabulatedOverReference = 2.4;
 
 class Law {
  public:
@@ -88,8 +112,9 @@ class Law {
       : n_(volume.exponent),
         supply_(volume.supply_psi),
         zero_(std::pow(kLaminar_psi, volume.exponent)),
-        fall_(volume.fall_to_rise_ratio),
+        per_fall_(1 / volume.fall_to_rise_ratio),
         air_(volume.air_share),
+        reference_(volume.reference_psi),
         absolute_reference_(volume.reference_psi + kAtmosphere_psi) {
     const Flow at = flow(volume.reference_psi);
     scale_ = 1.0 / (volume.time_constant_s * (at.drain_slope - at.drain * at.drop_slope / at.drop));
@@ -97,54 +122,44 @@ class Law {
     if (volume.loss_fraction != 0) add_loss(volume);
   }
 
+  /// dp/dt = A(p) Q(m) − B(p): what the pressure alone and the steady pressure alone decide.
+  using OfPressure = Values<2>;  ///< A and B
+  using OfSteady = Values<1>;    ///< Q
+  OfPressure of_pressure(double p) const { return of_pressure(p, flow(p)); }
+  OfSteady of_steady(double m) const { return of_steady(flow(m)); }
+
   /// The same from tables, exact outside them: worth it for hundreds of samples.
   class Tabulated {
    public:
     explicit Tabulated(const Law& law)
         : law_(law),
-          in_(kRoot0, std::sqrt(law.supply_ + kLaminar_psi), kRootStep,
-              [&](double root, double& value, double& slope) {
-                const Flow at = law.flow(root * root - kLaminar_psi);
-                value = at.drain;
-                slope = at.drain_slope * 2 * root;
-              }),
-          out_(kRoot0, law.is_healthy() ? kRoot0 : std::sqrt(law.supply_ + kLaminar_psi), kRootStep,
-               [&](double root, double& value, double& slope) {
-                 const Flow at = law.flow(root * root - kLaminar_psi);
-                 value = at.out;
-                 slope = at.out_slope * 2 * root;
-               }),
-          drop_(0, law.supply_ - kLeastTabulatedDrop_psi, kDropStep_psi, [&](double p, double& value, double& slope) {
-            const Flow at = law.flow(p);
-            value = at.drop;
-            slope = at.drop_slope;
-          }) {}
+          low_(law, Grid::between(0, std::min(kLow_psi, law.tabulated_to()), kLowStep_psi)),
+          high_(law, Grid::between(kLow_psi, law.tabulated_to(), kHighStep_psi)) {}
 
-    Flow flow(double p) const {
-      if (!drop_.holds(p)) return law_.flow(p);
-      const double root = std::sqrt(p + kLaminar_psi);
-      if (!in_.holds(root)) return law_.flow(p);
-      Flow flow;
-      const double by_p = 0.5 / root;
-      in_.read(root, flow.drain, flow.drain_slope);
-      flow.drain_slope *= by_p;
-      flow.out = flow.drain;
-      flow.out_slope = flow.drain_slope;
-      if (!law_.is_healthy()) {
-        out_.read(root, flow.out, flow.out_slope);
-        flow.out_slope *= by_p;
-      }
-      drop_.read(p, flow.drop, flow.drop_slope);
-      return flow;
+    OfPressure of_pressure(double p) const {
+      if (high_.pressure.holds(p)) return high_.pressure.read(p);
+      return low_.pressure.holds(p) ? low_.pressure.read(p) : law_.of_pressure(p);
+    }
+    OfSteady of_steady(double m) const {
+      if (high_.steady.holds(m)) return high_.steady.read(m);
+      return low_.steady.holds(m) ? low_.steady.read(m) : law_.of_steady(m);
     }
 
    private:
-    static inline const double kRoot0 = std::sqrt(kLaminar_psi);
+    struct Tables {
+      Tables(const Law& law, const Grid& grid) : pressure(grid), steady(grid) {
+        for (std::size_t i = 0; i < grid.points; ++i) {
+          const Flow flow = law.flow(grid.at(i));
+          pressure.set(i, law.of_pressure(grid.at(i), flow));
+          steady.set(i, Law::of_steady(flow));
+        }
+      }
+      Table<2> pressure;
+      Table<1> steady;
+    };
     const Law& law_;
-    Table in_, out_, drop_;
+    Tables low_, high_;
   };
-
-  bool is_healthy() const { return drain_share_ == 0 && loss_share_ == 0; }
 
   Flow flow(double p) const {
     Flow flow;
@@ -172,24 +187,37 @@ class Law {
   struct Rate {
     double value = 0, by_p = 0, by_m = 0;
   };
-  Rate rate(double at_psi, const Flow& p, const Flow& m) const {
-    const double per_drop = 1 / m.drop;
-    const double inflow = m.drain * per_drop;
-    Rate rate{scale_ * (p.drop * inflow - p.out), scale_ * (inflow * p.drop_slope - p.out_slope),
-              scale_ * p.drop * per_drop * (m.drain_slope - inflow * m.drop_slope)};
-    if (air_ != 0) soften(at_psi, rate);
-    if (fall_ != 1 && rate.value < 0) rate = {rate.value / fall_, rate.by_p / fall_, rate.by_m / fall_};
+  Rate rate(const OfPressure& p, const OfSteady& m) const {
+    Rate rate{p.value[0] * m.value[0] - p.value[1], p.slope[0] * m.value[0] - p.slope[1], p.value[0] * m.slope[0]};
+    if (rate.value < 0) rate = {rate.value * per_fall_, rate.by_p * per_fall_, rate.by_m * per_fall_};
     return rate;
   }
 
  private:
-  /// Divides by the capacity at a pressure over that at the reference.
-  void soften(double at_psi, Rate& rate) const {
-    const double q = absolute_reference_ / (std::max(at_psi, 0.0) + kAtmosphere_psi);
-    const double per_capacity = (1 + air_) / (1 + air_ * q * q);
-    const double slope =
-        at_psi > 0 ? per_capacity * per_capacity * 2 * air_ * q * q * q / (absolute_reference_ * (1 + air_)) : 0;
-    rate = {rate.value * per_capacity, rate.by_p * per_capacity + rate.value * slope, rate.by_m * per_capacity};
+  OfPressure of_pressure(double p, const Flow& at) const {
+    const Capacity capacity = air_ != 0 ? capacity_at(p) : Capacity{};
+    const double scale = scale_ * capacity.inverse, scale_slope = scale_ * capacity.inverse_slope;
+    return {{scale * at.drop, scale * at.out},
+            {scale * at.drop_slope + scale_slope * at.drop, scale * at.out_slope + scale_slope * at.out}};
+  }
+  static OfSteady of_steady(const Flow& at) {
+    const double inflow = at.drain / at.drop;
+    return {{inflow}, {(at.drain_slope - inflow * at.drop_slope) / at.drop}};
+  }
+
+  double tabulated_to() const {
+    return std::min({supply_ - kLeastTabulatedDrop_psi, kTabulatedOverReference * reference_, kMostTabulated_psi});
+  }
+
+  /// 1 over the capacity at a pressure over that at the reference.
+  struct Capacity {
+    double inverse = 1, inverse_slope = 0;
+  };
+  Capacity capacity_at(double p) const {
+    const double q = absolute_reference_ / (std::max(p, 0.0) + kAtmosphere_psi);
+    const double inverse = (1 + air_) / (1 + air_ * q * q);
+    const double slope = p >= 0 ? inverse * inverse * 2 * air_ * q * q * q / (absolute_reference_ * (1 + air_)) : 0;
+    return {inverse, slope};
   }
 
   /// Another exponent of the drain, its flow at the reference pressure unchanged.
@@ -210,59 +238,131 @@ class Law {
     loss_share_ = volume.loss_fraction * through / loss;
   }
 
-  double n_, supply_, zero_, fall_, air_, absolute_reference_;
+  double n_, supply_, zero_, per_fall_, air_, reference_, absolute_reference_;
   double scale_ = 0;
   double drain_n_ = 0, drain_zero_ = 0, drain_share_ = 0;  // share 0: the healthy drain
   double loss_share_ = 0;
 };
 
-/// (1 − e^(−x)) / x, its limit 1 at 0.
-double relaxed(double x) {
-  if (std::abs(x) > 0.3) return -std::expm1(-x) / x;
-  // The series to x^9 / 10!: what is left out is below 1e-12. In pairs, for the sum is on the critical path.
+// Up to here a series of ten terms holds 1e-12.
+constexpr double kSeries = 0.3;
+
+/// (1 − e^(−x)) / x by its series to x^9 / 10!, in pairs, for the sum is on the critical path.
+inline double relaxed_a_little(double x) {
   const double x2 = x * x, x4 = x2 * x2;
   const double first = (1 - x * (1.0 / 2)) + x2 * (1.0 / 6 - x * (1.0 / 24));
   const double second = (1.0 / 120 - x * (1.0 / 720)) + x2 * (1.0 / 5040 - x * (1.0 / 40320));
   return first + x4 * (second + x4 * (1.0 / 362880 - x * (1.0 / 3628800)));
 }
 
+double relaxed_far(double x) {
+  if (std::abs(x) > 4 * kSeries) return -std::expm1(-x) / x;
+  // Of twice h it is f(h) (2 − h f(h)) / 2.
+  const double h = 0.25 * x;
+  const double once = relaxed_a_little(h);
+  const double twice = once * (1 - 0.5 * h * once);
+  return twice * (1 - h * twice);
+}
+
+/// (1 − e^(−x)) / x, its limit 1 at 0.
+inline double relaxed(double x) {
+  return std::abs(x) <= kSeries ? relaxed_a_little(x) : relaxed_far(x);
+}
+
+/// One volume on its way through a recording.
+class VolumeAtWork {
+ public:
+  VolumeAtWork(const VolumeRun& run, const Law& law, const Law::Tabulated& table)
+      : run_(run), law_(law), table_(table), stop_psi_(run.volume->stop_psi), ceiling_psi_(run.volume->ceiling_psi) {
+    assert(run.steady.size() == run.pressure.size());
+    const std::size_t n = run.steady.size();
+    if (run.tangent) {
+      run.tangent->keep.assign(n, 0);
+      run.tangent->pass.assign(n, 0);
+    }
+    p_ = std::min(run.first_psi, ceiling_psi_);
+    m_ = n > 0 ? std::min(run.steady[0], stop_psi_) : 0;
+  }
+
+  std::size_t samples() const { return run_.steady.size(); }
+
+  void step(std::size_t i) {
+    const double next_m = i + 1 < samples() ? std::min(run_.steady[i + 1], stop_psi_) : m_;
+    run_.pressure[i] = p_;
+    const bool stays = std::abs(next_m - m_) <= kAtRest_psi;
+    if (stays && rests_) {
+      if (run_.tangent) {
+        run_.tangent->keep[i] = run_.tangent->keep[i - 1];
+        run_.tangent->pass[i] = run_.tangent->pass[i - 1];
+      }
+      return;
+    }
+    const double period_s = run_.sample_period_s;
+    const Law::OfSteady middle = table_.of_steady(0.5 * (m_ + next_m));
+    // Half a step with the slope at its start, then the whole with the slope at the middle.
+    const Law::Rate begin = law_.rate(table_.of_pressure(p_), middle);
+    const double half = p_ + 0.5 * period_s * begin.value * relaxed(-0.5 * period_s * begin.by_p);
+    const Law::Rate centre = law_.rate(table_.of_pressure(half), middle);
+    const double reach = period_s * relaxed(-period_s * centre.by_p);
+    const double slope_there = centre.value + centre.by_p * (p_ - half);
+    if (run_.tangent) {
+      run_.tangent->keep[i] = 1 + centre.by_p * reach;  // e^(T ∂rate/∂p)
+      // Where the spool is at its stop, m stays.
+      const double moving = 0.5 * ((m_ < stop_psi_ ? 1 : 0) + (next_m < stop_psi_ ? 1 : 0));
+      run_.tangent->pass[i] = 0.5 * reach * centre.by_m * moving;
+    }
+    p_ += reach * slope_there;
+    rests_ = stays && std::abs(reach * slope_there) <= kAtRest_psi;
+    if (p_ > ceiling_psi_) {
+      p_ = ceiling_psi_;
+      if (run_.tangent) run_.tangent->keep[i] = run_.tangent->pass[i] = 0;
+    }
+    m_ = next_m;
+  }
+
+ private:
+  const VolumeRun& run_;
+  const Law& law_;
+  const Law::Tabulated& table_;
+  double stop_psi_, ceiling_psi_;
+  double p_ = 0, m_ = 0;
+  bool rests_ = false;
+};
+
+/// A volume's law with its tables.
+struct TabulatedLaw {
+  explicit TabulatedLaw(const OrificeVolume& volume) : law(volume), table(law) {}
+  Law law;
+  Law::Tabulated table;
+};
+
 }  // namespace
+
+void run_volumes(std::span<const VolumeRun> runs) {
+  std::deque<TabulatedLaw> laws;  // stays where it is as it grows
+  const OrificeVolume* tabulated = nullptr;
+  std::vector<VolumeAtWork> at_work;
+  for (const VolumeRun& run : runs) {
+    if (!tabulated || !(*tabulated == *run.volume)) laws.emplace_back(*run.volume);
+    tabulated = run.volume;
+    at_work.emplace_back(run, laws.back().law, laws.back().table);
+  }
+  for (std::size_t first = 0; first < at_work.size(); first += kSideBySide) {
+    const auto some = std::span(at_work).subspan(first, std::min(kSideBySide, at_work.size() - first));
+    std::size_t longest = 0;
+    for (const VolumeAtWork& volume : some) longest = std::max(longest, volume.samples());
+    for (std::size_t i = 0; i < longest; ++i) {
+      for (VolumeAtWork& volume : some) {
+        if (i < volume.samples()) volume.step(i);
+      }
+    }
+  }
+}
 
 void run_volume(const OrificeVolume& volume, double sample_period_s, double first_psi, std::span<const double> steady,
                 std::span<double> pressure, VolumeTangent* tangent) {
-  assert(steady.size() == pressure.size());
-  const Law law(volume);
-  const Law::Tabulated table(law);
-  const std::size_t n = steady.size();
-  if (tangent) {
-    tangent->keep.assign(n, 0);
-    tangent->pass.assign(n, 0);
-  }
-  double p = std::min(first_psi, volume.ceiling_psi);
-  double m = n > 0 ? std::min(steady[0], volume.stop_psi) : 0;
-  for (std::size_t i = 0; i < n; ++i) {
-    const double next_m = i + 1 < n ? std::min(steady[i + 1], volume.stop_psi) : m;
-    pressure[i] = p;
-    const Flow middle = table.flow(0.5 * (m + next_m));
-    // Half a step with the slope at its start, then the whole with the slope at the middle.
-    const Law::Rate begin = law.rate(p, table.flow(p), middle);
-    const double half = p + 0.5 * sample_period_s * begin.value * relaxed(-0.5 * sample_period_s * begin.by_p);
-    const Law::Rate centre = law.rate(half, table.flow(half), middle);
-    const double reach = sample_period_s * relaxed(-sample_period_s * centre.by_p);
-    const double slope_there = centre.value + centre.by_p * (p - half);
-    if (tangent) {
-      tangent->keep[i] = 1 + centre.by_p * reach;  // e^(T ∂rate/∂p)
-      // Where the spool is at its stop, m stays.
-      const double moving = 0.5 * ((m < volume.stop_psi ? 1 : 0) + (next_m < volume.stop_psi ? 1 : 0));
-      tangent->pass[i] = 0.5 * reach * centre.by_m * moving;
-    }
-    p += reach * slope_there;
-    if (p > volume.ceiling_psi) {
-      p = volume.ceiling_psi;
-      if (tangent) tangent->keep[i] = tangent->pass[i] = 0;
-    }
-    m = next_m;
-  }
+  const VolumeRun run{&volume, sample_period_s, first_psi, steady, pressure, tangent};
+  run_volumes({&run, 1});
 }
 
 double settled_psi(const OrificeVolume& volume, double steady_psi) {
@@ -270,12 +370,12 @@ double settled_psi(const OrificeVolume& volume, double steady_psi) {
   double settled = asked_psi;
   if (volume.drain_excess_exponent != 0 || volume.loss_fraction != 0) {
     const Law law(volume);
-    const Flow m = law.flow(asked_psi);
+    const Law::OfSteady m = law.of_steady(asked_psi);
     // The rate falls with p, so a bracket around its zero can be halved: to the last bit, and no slope is needed.
     double low = std::min(asked_psi, 0.0) - 1, high = std::max(volume.supply_psi, asked_psi + 1);
     for (int halving = 0; halving < 80; ++halving) {
       const double middle = 0.5 * (low + high);
-      (law.rate(middle, law.flow(middle), m).value > 0 ? low : high) = middle;
+      (law.rate(law.of_pressure(middle), m).value > 0 ? low : high) = middle;
     }
     settled = 0.5 * (low + high);
   }

@@ -66,6 +66,18 @@ struct VolumeTangent {
 void run_volume(const OrificeVolume& volume, double sample_period_s, double first_psi, std::span<const double> steady,
                 std::span<double> pressure, VolumeTangent* tangent = nullptr);
 
+/// One of several volumes to be run.
+struct VolumeRun {
+  const OrificeVolume* volume = nullptr;
+  double sample_period_s = 0, first_psi = 0;
+  std::span<const double> steady;
+  std::span<double> pressure;
+  VolumeTangent* tangent = nullptr;
+};
+
+/// The same for several recordings, bit for bit, in less time: neighbours of one volume share its tables.
+void run_volumes(std::span<const VolumeRun> runs);
+
 /// The pressure at which the volume settles under a steady m: m itself where nothing is wrong, lower with a loss.
 double settled_psi(const OrificeVolume& volume, double steady_psi);
 

@@ -1,8 +1,10 @@
 #include "core/model/spool_friction.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
+#include <vector>
 
 namespace valvetriage {
 namespace {
@@ -11,6 +13,8 @@ constexpr double kStepOverNatural = 0.15;
 constexpr int kMostSubsteps = 64;
 // A lag never arrives; this near it has [A].
 constexpr double kArrived = 1e-9;
+// Each step of a spool waits for the one before: several one beside another keep a processor busy.
+constexpr std::size_t kSideBySide = 4;
 
 /// The input at any time, straight inside an interval, held before the first.
 class DelayedInput {
@@ -71,54 +75,121 @@ int sliding_substeps(const ValveDynamics& dynamics, double sample_period_s) {
   return static_cast<int>(std::clamp(steps, 2.0, static_cast<double>(kMostSubsteps)));
 }
 
+namespace {
+
+/// One spool on its way through a recording.
+class SlidingSpool {
+ public:
+  explicit SlidingSpool(const SlidingRun& run)
+      : run_(run),
+        substeps_(sliding_substeps(*run.dynamics, run.sample_period_s)),
+        delayed_(*run.input, run.position.size(), run.sample_period_s, run.dynamics->delay_s),
+        known_(run.rests) {
+    const ValveDynamics& dynamics = *run.dynamics;
+    const double wn = dynamics.natural_frequency_rad_s, h = run.sample_period_s / substeps_;
+    const double stiff = 0.25 * h * h * wn * wn, damp = h * dynamics.damping_ratio * wn;
+    keep_ = 1 - stiff - damp;
+    push_ = h * wn * wn;
+    share_ = 1 / (1 + stiff + damp);
+    per_substep_ = 1.0 / substeps_;
+    half_step_ = 0.5 * h;
+    breakaway_ = run.friction->breakaway_a;
+    kinetic_ = std::min(run.friction->kinetic_a, breakaway_);
+    inverse_speed_ = 1 / run.friction->stribeck_a_per_s;
+    const double lag_s = dynamics.lag_s.empty() ? 0 : dynamics.lag_s.front();
+    half_way_ = lag_s > 0 ? -std::expm1(-0.5 * h / lag_s) : 1;
+    lagged_ = delayed_.at(0);
+    x_ = lagged_ - run.offset * breakaway_;
+    if (!run.rests.empty() && std::isfinite(run.rests[0])) x_ = known_.next_slip_from(0, run.rests[0]);
+    landed_ = x_;
+  }
+
+  std::size_t samples() const { return run_.position.size(); }
+  int substeps() const { return substeps_; }
+  bool moves() const { return moves_; }
+
+  void begin(std::size_t i) {
+    if (v_ == 0) x_ = known_.next_slip_from(i, x_);
+    run_.position[i] = v_ == 0 ? landed_ : x_;
+    const bool sticks = v_ == 0 && std::abs(lagged_ - x_) <= breakaway_;
+    moves_ = !sticks || !delayed_.holds(i, lagged_);
+  }
+
+  void substep(std::size_t i, int k) {
+    const double commanded = delayed_.at(static_cast<double>(i) + (k + 0.5) * per_substep_);
+    double u = commanded;
+    if (half_way_ == 1) {
+      lagged_ = commanded;
+    } else {
+      u = lagged_ += half_way_ * (commanded - lagged_);
+      lagged_ += half_way_ * (commanded - lagged_);
+      if (std::abs(commanded - lagged_) < kArrived) lagged_ = commanded;
+    }
+    // The speed without friction, and what friction takes of it: at most all.
+    const double free = v_ * keep_ + push_ * (u - x_);
+    double moved = 0;
+    if (std::abs(free) > push_ * kinetic_) {
+      const double relative = v_ * inverse_speed_;
+      const double square = relative * relative;
+      const double drop = breakaway_ - kinetic_;
+      const double force = kinetic_ + (square == 0 ? drop : square < 30 ? drop * std::exp(-square) : 0);
+      moved = share_ * (free - std::clamp(free, -push_ * force, push_ * force));
+    }
+    x_ += half_step_ * (v_ + moved);
+    if (v_ != 0 && moved == 0) {
+      landed_ = x_;
+      known_.slipped();
+    }
+    v_ = moved;
+  }
+
+ private:
+  const SlidingRun& run_;
+  int substeps_ = 1;
+  DelayedInput delayed_;
+  KnownRests known_;
+  double keep_ = 0, push_ = 0, share_ = 0, per_substep_ = 0, half_step_ = 0, half_way_ = 1;
+  double breakaway_ = 0, kinetic_ = 0, inverse_speed_ = 0;
+  double lagged_ = 0, x_ = 0, v_ = 0, landed_ = 0;
+  bool moves_ = false;
+};
+
+}  // namespace
+
+void run_sliding_spools(std::span<const SlidingRun> runs) {
+  std::vector<SlidingSpool> spools;
+  for (const SlidingRun& run : runs) {
+    if (!run.position.empty()) spools.emplace_back(run);
+  }
+  for (std::size_t first = 0; first < spools.size(); first += kSideBySide) {
+    const auto some = std::span(spools).subspan(first, std::min(kSideBySide, spools.size() - first));
+    std::size_t longest = 0;
+    for (const SlidingSpool& spool : some) longest = std::max(longest, spool.samples());
+    for (std::size_t i = 0; i < longest; ++i) {
+      std::array<SlidingSpool*, kSideBySide> moving{};
+      std::size_t count = 0;
+      int most_substeps = 0;
+      for (SlidingSpool& spool : some) {
+        if (i >= spool.samples()) continue;
+        spool.begin(i);
+        if (!spool.moves()) continue;
+        moving[count++] = &spool;
+        most_substeps = std::max(most_substeps, spool.substeps());
+      }
+      for (int k = 0; k < most_substeps; ++k) {
+        for (std::size_t j = 0; j < count; ++j) {
+          if (k < moving[j]->substeps()) moving[j]->substep(i, k);
+        }
+      }
+    }
+  }
+}
+
 void run_sliding_spool(const ValveDynamics& dynamics, const SpoolFriction& friction, double sample_period_s,
                        const IntervalSignal& input, double offset, std::span<double> position,
                        std::span<const double> rests) {
-  if (position.empty()) return;
-  const double wn = dynamics.natural_frequency_rad_s;
-  const int substeps = sliding_substeps(dynamics, sample_period_s);
-  const double h = sample_period_s / substeps;
-  const double stiff = 0.25 * h * h * wn * wn, damp = h * dynamics.damping_ratio * wn;
-  const double keep = 1 - stiff - damp, push = h * wn * wn, share = 1 / (1 + stiff + damp);
-  const double kinetic = std::min(friction.kinetic_a, friction.breakaway_a);
-  const double drop = friction.breakaway_a - kinetic;
-  const double inverse_speed = 1 / friction.stribeck_a_per_s;
-  const DelayedInput delayed(input, position.size(), sample_period_s, dynamics.delay_s);
-
-  const double lag_s = dynamics.lag_s.empty() ? 0 : dynamics.lag_s.front();
-  const double half_way = lag_s > 0 ? -std::expm1(-0.5 * h / lag_s) : 1;
-
-  double lagged = delayed.at(0);
-  double x = lagged - offset * friction.breakaway_a;
-  double v = 0;
-  KnownRests known(rests);
-  if (!rests.empty() && std::isfinite(rests[0])) x = known.next_slip_from(0, rests[0]);
-  double landed = x;
-  for (std::size_t i = 0; i < position.size(); ++i) {
-    if (v == 0) x = known.next_slip_from(i, x);
-    position[i] = v == 0 ? landed : x;
-    const bool sticks = v == 0 && std::abs(lagged - x) <= friction.breakaway_a;
-    if (sticks && delayed.holds(i, lagged)) continue;
-    for (int k = 0; k < substeps; ++k) {
-      const double commanded = delayed.at(static_cast<double>(i) + (k + 0.5) / substeps);
-      lagged += half_way * (commanded - lagged);
-      const double u = lagged;
-      lagged += half_way * (commanded - lagged);
-      if (std::abs(commanded - lagged) < kArrived) lagged = commanded;
-      const double relative = v * inverse_speed;
-      const double square = relative * relative;
-      const double force = kinetic + (square < 30 ? drop * std::exp(-square) : 0);
-      // The speed without friction, and what friction takes of it: at most all.
-      const double free = v * keep + push * (u - x);
-      const double moved = share * (free - std::clamp(free, -push * force, push * force));
-      x += 0.5 * h * (v + moved);
-      if (v != 0 && moved == 0) {
-        landed = x;
-        known.slipped();
-      }
-      v = moved;
-    }
-  }
+  const SlidingRun run{&dynamics, &friction, sample_period_s, &input, offset, position, rests};
+  run_sliding_spools({&run, 1});
 }
 
 }  // namespace valvetriage

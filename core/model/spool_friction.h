@@ -34,9 +34,23 @@ int sliding_substeps(const ValveDynamics& dynamics, double sample_period_s);
 ///         error of one does not move all that follow (as in multiple shooting: Bock, Numerical Treatment of Inverse
 ///         Problems in Differential Equations (1983) 95)
 /// Cost    O(n · substeps), trapezoidal steps of at most a seventh of 1/ωn, none while the spool sticks under an input
-///         that holds; nothing allocated
+///         that holds
 void run_sliding_spool(const ValveDynamics& dynamics, const SpoolFriction& friction, double sample_period_s,
                        const IntervalSignal& input, double offset, std::span<double> position,
                        std::span<const double> rests = {});
+
+/// One of several spools to be run. What it points to outlives the run.
+struct SlidingRun {
+  const ValveDynamics* dynamics = nullptr;
+  const SpoolFriction* friction = nullptr;
+  double sample_period_s = 0;
+  const IntervalSignal* input = nullptr;
+  double offset = 0;
+  std::span<double> position;
+  std::span<const double> rests;
+};
+
+/// The same for several spools or recordings, bit for bit, in less time.
+void run_sliding_spools(std::span<const SlidingRun> runs);
 
 }  // namespace valvetriage

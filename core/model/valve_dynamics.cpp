@@ -97,24 +97,40 @@ SampledValveDynamics::SampledValveDynamics(const ValveDynamics& dynamics, double
   steady_(0) = 0;
 }
 
-void SampledValveDynamics::run(const IntervalSignal& input, std::span<double> out) const {
-  const std::size_t n = out.size();
-  assert(input.start.size() >= n && input.end.size() >= n);
-  if (n == 0) return;
-  State x = steady_ * input.start[0];
-  const Eigen::Index last = transition_.rows() - 1;
-  for (std::size_t i = 0; i < n; ++i) {
-    out[i] = x(last);
-    const double before = input.start[0];
+template <int kOrder>
+void SampledValveDynamics::run_order(const IntervalSignal& input, std::span<double> out) const {
+  using Column = Eigen::Matrix<double, kOrder, 1>;
+  const Eigen::Matrix<double, kOrder, kOrder> transition = transition_;
+  const Column g0 = gains_[0], g1 = gains_[1], g2 = gains_[2], g3 = gains_[3];
+  const double before = input.start[0];
+  Column x = steady_ * before;
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    out[i] = x(kOrder - 1);
     const bool has_head = i >= whole_delay_;
     const bool has_tail = i >= whole_delay_ + 1;
     const std::size_t m = has_head ? i - whole_delay_ : 0;
-    State next = transition_.lazyProduct(x);
-    next += gains_[0] * (has_tail ? input.start[m - 1] : before);
-    next += gains_[1] * (has_tail ? input.end[m - 1] : before);
-    next += gains_[2] * (has_head ? input.start[m] : before);
-    next += gains_[3] * (has_head ? input.end[m] : before);
-    x = next;
+    // What does not wait for the state is summed beside it.
+    Column driven = g0 * (has_tail ? input.start[m - 1] : before);
+    driven += g1 * (has_tail ? input.end[m - 1] : before);
+    driven += g2 * (has_head ? input.start[m] : before);
+    driven += g3 * (has_head ? input.end[m] : before);
+    x = transition.lazyProduct(x).eval() + driven;
+  }
+}
+
+void SampledValveDynamics::run(const IntervalSignal& input, std::span<double> out) const {
+  assert(input.start.size() >= out.size() && input.end.size() >= out.size());
+  if (out.empty()) return;
+  switch (order()) {
+    case 2:
+      return run_order<2>(input, out);
+    case 3:
+      return run_order<3>(input, out);
+    case 4:
+      return run_order<4>(input, out);
+    default:
+      assert(order() == kMaxOrder);
+      return run_order<kMaxOrder>(input, out);
   }
 }
 

@@ -23,6 +23,7 @@ struct ValveDynamics {
   std::vector<double> lag_s;           ///< τ_i > 0 [s]
 
   int order() const { return 2 + static_cast<int>(lag_s.size()); }
+  bool operator==(const ValveDynamics&) const = default;
 };
 
 TransferFunction to_transfer_function(const ValveDynamics& dynamics);
@@ -54,6 +55,9 @@ class SampledValveDynamics {
   void run(const IntervalSignal& input, std::span<double> out) const;
 
  private:
+  template <int kOrder>
+  void run_order(const IntervalSignal& input, std::span<double> out) const;
+
   Transition transition_;
   State gains_[4];
   State steady_;

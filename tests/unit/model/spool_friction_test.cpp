@@ -56,6 +56,30 @@ TEST(SlidingSpool, OnASlowRampSlipsFromBreakawayToTheKineticForce) {
   EXPECT_NEAR(position.back(), 0.45 - 0.08, 0.02 + 1e-9);
 }
 
+TEST(SlidingSpool, SeveralSideBySideAreEachAsAlone) {
+  const ValveDynamics slow{.delay_s = 0.004, .natural_frequency_rad_s = 90, .damping_ratio = 0.7, .lag_s = {0.01}};
+  const SpoolFriction weak{.breakaway_a = 0.02, .kinetic_a = 0.015, .stribeck_a_per_s = 0.1};
+  const IntervalSignal ramp = slow_ramp(1000);
+  std::vector<std::vector<double>> position;
+  for (const std::size_t samples : {1000, 300, 0, 700, 1000, 50}) position.emplace_back(samples);
+  std::vector<SlidingRun> runs;
+  for (std::size_t k = 0; k < position.size(); ++k) {
+    runs.push_back({k % 2 ? &slow : &kSpool,
+                    k % 3 ? &weak : &kFriction,
+                    kPeriod_s,
+                    &ramp,
+                    0.1 * static_cast<double>(k),
+                    position[k],
+                    {}});
+  }
+  run_sliding_spools(runs);
+  for (const SlidingRun& beside : runs) {
+    std::vector<double> alone(beside.position.size());
+    run_sliding_spool(*beside.dynamics, *beside.friction, kPeriod_s, ramp, beside.offset, alone);
+    EXPECT_EQ(std::vector<double>(beside.position.begin(), beside.position.end()), alone);
+  }
+}
+
 TEST(SlidingSpool, RestsThatAreNotKnownChangeNothing) {
   EXPECT_EQ(run(kFriction, std::vector<double>(1000, kNowhere)), run(kFriction));
 }

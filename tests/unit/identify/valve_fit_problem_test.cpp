@@ -1,0 +1,70 @@
+#include "core/identify/valve_fit_problem.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "tests/unit/identify/valves.h"
+
+namespace valvetriage {
+namespace {
+
+/// A law of every place in the chain, large enough to be seen.
+struct PutIn {
+  const char* cause;
+  std::vector<double> parameters;
+};
+
+class ValveFitProblemWith : public testing::TestWithParam<PutIn> {};
+
+TEST_P(ValveFitProblemWith, RunsFromItsLastLawOnAsFromTheStart) {
+  const test::MadeValve valve;
+  const auto recordings = test::session(valve, 0.35, 11);
+  ValveFitOptions options;
+  options.knots = *map_knots(recordings);
+  options.reference_psi = 105;
+  const Mechanism& law = *find_mechanism(GetParam().cause);
+  const std::vector<double>& parameters = GetParam().parameters;
+  const std::vector<double> step(parameters.size(), 1e-4);
+  // Behind another law: what that one did is taken over.
+  const Mechanism& other = *find_mechanism("gain_loss");
+  options.laws.push_back({.law = &other, .start = {0.9}, .lower = {0.5}, .upper = {1.5}, .step = {1e-4}});
+  ValveFitOptions wider = options;
+  wider.laws.push_back({.law = &law, .start = parameters, .lower = parameters, .upper = parameters, .step = step});
+  const ValveFitProblem without(recordings, options), with(without, wider);
+  const Eigen::VectorXd v = without.start_vector(valve.parameters);
+  const std::size_t shared = parameters.size() - law.own_per_recording;
+  std::vector<double> of_each(parameters.begin(), parameters.begin() + static_cast<std::ptrdiff_t>(shared));
+  for (std::size_t r = 0; r < recordings.size(); ++r) {
+    of_each.insert(of_each.end(), parameters.begin() + static_cast<std::ptrdiff_t>(shared), parameters.end());
+  }
+  const Eigen::VectorXd w = without.continued_in(with, v, of_each);
+
+  std::vector<std::size_t> all(recordings.size());
+  std::iota(all.begin(), all.end(), std::size_t{0});
+  const auto behind = with.simulate_behind_last(w, all, without.all_runs(v));
+  double moved = 0;
+  for (const std::size_t r : all) {
+    EXPECT_EQ(behind[r], with.simulate(w, r)) << r;
+    const std::vector<double> plain = without.simulate(v, r);
+    for (std::size_t i = 0; i < plain.size(); ++i) moved = std::max(moved, std::abs(behind[r][i] - plain[i]));
+  }
+  EXPECT_GT(moved, 0.1);
+}
+
+INSTANTIATE_TEST_SUITE_P(Places, ValveFitProblemWith,
+                         testing::Values(PutIn{"hysteresis", {0.03, 0.1, 0}}, PutIn{"backlash", {0.02, 0.5}},
+                                         PutIn{"friction", {0.02, 0.012, 0.2}}, PutIn{"transport_delay", {0.01}},
+                                         PutIn{"extra_lag", {0.02, 1}}, PutIn{"extra_lag", {0.02, 0}},
+                                         PutIn{"dead_band", {1.5, 0.05}}, PutIn{"static_curve", {0.1}},
+                                         PutIn{"saturation", {150, -1000, 0}}, PutIn{"saturation", {150, -1000, 1}},
+                                         PutIn{"leakage", {0.2}}, PutIn{"asymmetric_response", {1.5}},
+                                         PutIn{"sensor_drift", {0.1}}, PutIn{"thermal_drift", {-0.05, 5, 0}}),
+                         [](const auto& put_in) {
+                           return std::string(put_in.param.cause) + std::to_string(put_in.index);
+                         });
+
+}  // namespace
+}  // namespace valvetriage
