@@ -1,6 +1,6 @@
 // extra_lag: one more, or a slower, first-order lag.
 //
-//   τ dy/dt = y_in − y,   exact for straight lines between samples, from steady state
+//   τ dy/dt = y_in − y,   exact for the parabola through the last three samples, from steady state
 //
 // Ahead of the static map it is one more pole of coil and spool, behind it a lag of the pressure; in a linear model the
 // two are the same.

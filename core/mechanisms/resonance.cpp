@@ -1,10 +1,11 @@
 // resonance: a lightly damped mode between valve and reading.
 //
-//   ÿ = ω² (y_in − y) − 2 ζ ω ẏ,   ω = 2π f,   exact for straight lines between samples, from steady state
+//   ÿ = ω² (y_in − y) − 2 ζ ω ẏ,   ω = 2π f,   exact for the parabola through the last three samples, from steady state
 //
 // Source     fluid inertia in a line before a compliant gauge, a mounting that gives: Merritt, Hydraulic Control
 // Systems
-//            (1967), chapter 3; discretisation: Franklin, Powell, Workman, Digital Control (1998), ramp-invariant
+//            (1967), chapter 3; discretisation: Franklin, Powell, Workman, Digital Control (1998), invariant to ramps
+//            and parabolas: a pressure bends between its samples, and straight lines take an eighth of 40 Hz at 200 Hz
 // Looks like ringing of one frequency after every edge, a peak in the frequency response, none on holds
 // Confused   with periodic_disturbance (goes on for ever), self_oscillation (at one level), extra_lag
 
@@ -24,14 +25,25 @@ constexpr std::array<MechanismParameter, 2> kParameters{
     {{"frequency_hz", "Hz", "undamped frequency of the mode"}, {"damping_ratio", "", "of the mode, below 0.7"}}};
 constexpr std::array<std::string_view, 3> kConfusedWith{"periodic_disturbance", "self_oscillation", "extra_lag"};
 
+// A parabola through three samples, two periods apart, follows no faster turn than this. Nearer to half the sampling
+// rate a mode stands for whatever a simulation gets wrong within a sample of an edge, which good valves show as well.
+constexpr double kFewestSamplesAPeriod = 2.5;
+constexpr double kAtTheBound = 0.98;
+
 MechanismBounds bounds(const MechanismScales& scales) {
-  const double slowest_hz = 3 / scales.longest_s, fastest_hz = 2 / scales.sample_period_s;
+  const double slowest_hz = 3 / scales.longest_s, fastest_hz = 1 / (kFewestSamplesAPeriod * scales.sample_period_s);
   MechanismBounds bounds{.lower = {slowest_hz, 0.005},
                          .upper = {fastest_hz, 0.7},
                          .step = {1e-4 * std::sqrt(slowest_hz * fastest_hz), 1e-4},
                          .starts = {}};
-  for (const double frequency : spread(8 * slowest_hz, 0.4 * fastest_hz, 12)) bounds.starts.push_back({frequency, 0.1});
+  // A mode is found from as far as its own width: a seventh of its frequency.
+  for (const double frequency : spread(8 * slowest_hz, 0.9 * fastest_hz, 32)) bounds.starts.push_back({frequency, 0.1});
   return bounds;
+}
+
+/// Whether the mode is faster than the sampling shows.
+bool is_too_fast(std::span<const double> parameters, std::span<const double>, std::span<const double> upper) {
+  return parameters[kFrequency] > kAtTheBound * upper[kFrequency];
 }
 
 /// e^{AT} of A = ω [[0, 1], [−1, −2ζ]] on (y, ẏ/ω).
@@ -56,14 +68,17 @@ void filter(std::span<const double> parameters, const LawContext& context, std::
   const double angle = 2 * std::numbers::pi * parameters[kFrequency] * (context.time_s[1] - context.time_s[0]);
   const double damping = parameters[kDamping];
   const Transition e = transition(angle, damping);
-  double y = signal[0], v = 0, before = signal[0];
+  double y = signal[0], v = 0, before = signal[0], last_rate = 0;
   for (double& value : signal.subspan(1)) {
-    // The ramp itself, lagging by 2ζ/ω, and what rings about it.
-    const double rate = (value - before) / angle;
-    const double lag = 2 * damping * rate;
-    const double from_ramp = y - (before - lag), rate_from_ramp = v - rate;
-    y = value - lag + e.yy * from_ramp + e.yv * rate_from_ramp;
-    v = rate + e.vy * from_ramp + e.vv * rate_from_ramp;
+    // In units of 1/ω: the parabola through the last three samples, what the mode makes of it once all ringing has
+    // died, and what rings about that.
+    const double rate = (value - before) / angle, bend = (rate - last_rate) / angle;
+    const double slope = rate - 0.5 * bend * angle - 2 * damping * bend;  // of the settled answer, at the start
+    const double settled = before - 2 * damping * slope - bend;
+    const double apart = y - settled, rate_apart = v - slope;
+    y = settled + slope * angle + 0.5 * bend * angle * angle + e.yy * apart + e.yv * rate_apart;
+    v = slope + bend * angle + e.vy * apart + e.vv * rate_apart;
+    last_rate = rate;
     before = value;
     value = y;
   }
@@ -93,6 +108,7 @@ extern constinit const Mechanism kResonance{
     .bounds = bounds,
     .apply = filter,
     .tangent = tangent,
-    .reshape = nullptr};
+    .reshape = nullptr,
+    .is_cut_off = is_too_fast};
 
 }  // namespace valvetriage

@@ -6,7 +6,7 @@ namespace valvetriage {
 
 /// A reading behind a first-order lag: the pressure gauge, or one more lag of a valve.
 ///
-///   τ dy/dt = signal − y,   exact for straight lines between samples, from steady state
+///   τ dy/dt = signal − y,   exact for the parabola through the last three samples, from steady state
 ///
 /// lag_s   τ ≥ 0; 0 leaves the reading as it is [s]
 /// signal  replaced by the reading

@@ -49,22 +49,28 @@ constexpr LawText kLawTexts[] = {
     {"gain_loss", "", "", "x *= {0};"},
     {"static_curve", "", "", "x += {0} * x * (1 - x / R);"},
     {"rectified_sensor", "", "", "x = fabs(x);"},
-    {"extra_lag", "double in{n}, out{n};", "m->in{n} = m->out{n} = x;",
-     "if (m->samples > 0) {\n"
-     "    const double r = T / ({0}), a = exp(-r), f = -expm1(-r) / r;\n"
-     "    m->out{n} = a * m->out{n} + (f - a) * m->in{n} + (1 - f) * x;\n"
+    {"extra_lag", "double in{n}, out{n}, slope{n};", "m->in{n} = m->out{n} = x; m->slope{n} = 0;",
+     "if (m->samples > 0 && {0} > 0) {\n"
+     "    const double w = T / ({0}), a = exp(-w), r = (x - m->in{n}) / w, b = (r - m->slope{n}) / w;\n"
+     "    const double s = r - 0.5 * b * w - b;\n"
+     "    m->out{n} = a * m->out{n} + ((m->in{n} - s) * -expm1(-w) + s * w + 0.5 * b * w * w);\n"
+     "    m->slope{n} = r;\n"
+     "  } else {\n"
+     "    m->out{n} = x;\n"
      "  }\n"
      "  m->in{n} = x;\n"
      "  x = m->out{n};"},
-    {"resonance", "double in{n}, out{n}, rate{n};", "m->in{n} = m->out{n} = x; m->rate{n} = 0;",
+    {"resonance", "double in{n}, out{n}, rate{n}, slope{n};", "m->in{n} = m->out{n} = x; m->rate{n} = m->slope{n} = 0;",
      "if (m->samples > 0) {\n"
      "    const double w = 6.283185307179586 * ({0}) * T, z = {1}, u = 1 - z * z, q = sqrt(fabs(u)), g = exp(-z * w);\n"
      "    const double even = q > 1e-8 ? (u > 0 ? cos(q * w) : cosh(q * w)) : 1;\n"
      "    const double odd = q > 1e-8 ? (u > 0 ? sin(q * w) : sinh(q * w)) / q : w;\n"
-     "    const double slope = (x - m->in{n}) / w, lag = 2 * z * slope;\n"
-     "    const double y0 = m->out{n} - (m->in{n} - lag), v0 = m->rate{n} - slope;\n"
-     "    m->out{n} = x - lag + g * ((even + z * odd) * y0 + odd * v0);\n"
-     "    m->rate{n} = slope + g * (-odd * y0 + (even - z * odd) * v0);\n"
+     "    const double r = (x - m->in{n}) / w, b = (r - m->slope{n}) / w;\n"
+     "    const double s = r - 0.5 * b * w - 2 * z * b, settled = m->in{n} - 2 * z * s - b;\n"
+     "    const double y0 = m->out{n} - settled, v0 = m->rate{n} - s;\n"
+     "    m->out{n} = settled + s * w + 0.5 * b * w * w + g * ((even + z * odd) * y0 + odd * v0);\n"
+     "    m->rate{n} = s + b * w + g * (-odd * y0 + (even - z * odd) * v0);\n"
+     "    m->slope{n} = r;\n"
      "  }\n"
      "  m->in{n} = x;\n"
      "  x = m->out{n};"},
