@@ -16,7 +16,7 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-constexpr std::size_t kMostStarts = 16;
+constexpr std::size_t kMostStarts = 32;
 // The start that simulates best is not always the one whose fit ends best.
 constexpr std::size_t kStartsFromPlace = 2;
 // What one loop holds another holds about as far.

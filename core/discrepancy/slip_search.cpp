@@ -24,6 +24,10 @@ constexpr double kSmallestGain = 1e-4;
 constexpr Index kLawParameters = 3;
 constexpr double kFirstStep = 0.06;
 constexpr int kHalvings = 4;
+// A search that creeps gains nothing that a decision turns on: a noise variance at least, and no new round after this
+// many free runs.
+constexpr double kWorthAStep = 1;
+constexpr int kMostFreeRuns = 400;
 
 using Parameters = std::vector<double>;
 
@@ -96,9 +100,10 @@ void fit_ahead(ValveFitProblem& problem, int fits, Point& point) {
 /// decides, a difference over a small step says nothing. Source: Hooke, Jeeves, J. ACM 8 (1961) 212.
 void search_free(const ValveFitProblem& problem, Point& point) {
   point.cost = problem.cost(point.v);
+  int free_runs = 1;
   double step = kFirstStep;
   for (int halvings = 0; halvings < kHalvings; ++halvings, step *= 0.5) {
-    for (bool improves = true; improves;) {
+    for (bool improves = true; improves && free_runs < kMostFreeRuns;) {
       improves = false;
       for (Index entry = problem.shared() - kLawParameters; entry < problem.shared(); ++entry) {
         for (const double by : {std::exp(step), std::exp(-step)}) {
@@ -106,7 +111,8 @@ void search_free(const ValveFitProblem& problem, Point& point) {
           tried.v(entry) *= by;
           tried.v = problem.clamped(std::move(tried.v));
           tried.cost = problem.cost(tried.v);
-          if (!is_better(tried, point)) continue;
+          ++free_runs;
+          if (!(tried.cost < point.cost - kWorthAStep)) continue;
           point = std::move(tried);
           improves = true;
           break;

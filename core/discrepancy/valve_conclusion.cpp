@@ -43,9 +43,6 @@ constexpr double kMostHarm = 0.01;
 constexpr double kUnexplainedName = 0.5;
 constexpr double kTwoSided95 = 1.96;
 constexpr int kRefitSteps = 12;
-// A law is an idealisation, and what it leaves out bends its size: beyond the errors of noise and of good valves'
-// spread 75 sizes of the first virtual stand lay 4 to 6 % off. An uncertainty of type B, GUM (2008) 4.3.
-constexpr double kIdealisation = 0.05;
 
 /// Whether a tone that should be the same in every recording is not: how strong each recording has it, over all of
 /// them together, and by more than noise.

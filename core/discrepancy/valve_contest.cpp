@@ -47,8 +47,10 @@ constexpr double kFamilyMargin = 1 / 1.5;
 // The same margins, of the rms of what is left.
 constexpr double kClearlyMore = 1.2 * 1.2;
 constexpr double kClearlyMoreInFamily = 1.5 * 1.5;
-// What one good valve in a hundred has tells nothing between two causes.
+// What one good valve in a hundred has tells nothing between two causes, and what it has not is worth a fit.
 constexpr double kRareInGoodValves = 0.01;
+// The leftover and the laws are two tests of the same valve.
+constexpr double kLeftoverTests = 2;
 constexpr double kRivalShare = 0.25;
 constexpr double kRivalInGoodValves = 0.05;
 
@@ -181,15 +183,19 @@ void keep_better(Survey other, double offset, Survey& survey) {
   }
 }
 
-/// Those still in the race after a survey: perhaps beyond what a good valve shows, those that promise most, none that
+/// Whether what is left without any law is more than good valves leave, as surely as a name asks for.
+bool is_unlike_good_valves(const Contest& contest) {
+  return kLeftoverTests * contest.p_value_beside <= kNamedFalseAlarm;
+}
+
+/// Those still in the race after a survey: rare in good valves by what is forecast, those that promise most, none that
 /// promises far less than the best, and those that bring most in simulations. A forecast is linear: where the fit has
 /// bent towards a fault, laws that promise ten times as much keep nothing of it.
 std::vector<const Tested*> in_the_race(const Survey& survey, const ValveDiagnosisOptions& options) {
-  const double laws = static_cast<double>(survey.tested.size());
   const auto forecast = [](const Tested* tested) { return std::max(tested->evidence.value, tested->promise.value); };
   std::vector<const Tested*> possible;
   for (const Tested& tested : survey.tested) {
-    if (p_value_of(tested, {forecast(&tested)}, size_beyond_good(tested, options.fit), options) * laws <= kFalseAlarm)
+    if (p_value_of(tested, {forecast(&tested)}, size_beyond_good(tested, options.fit), options) <= kRareInGoodValves)
       possible.push_back(&tested);
   }
   std::stable_sort(possible.begin(), possible.end(),
@@ -383,12 +389,19 @@ Ranked ranked_fit(const Tested& tested, const Explanation& beside, const Stack& 
   const double size = with_own(*tested.fit.law.law, size_in(fitted), fitted.v, options.fit);
   r.p_value = p_value_of(tested, r.evidence, size, options);
   const bool is_there = !is_cut_off(fitted.laws.back().law, fitted.parameters_of_last());
-  r.stands_out = is_there && is_beyond_noise(tested, r.evidence) && laws * r.p_value <= kNamedFalseAlarm;
-  if (r.stands_out) {
-    // The evidence takes what the law gets wrong for noise that averages out; the error that goes with the size does
-    // not. Both must tell the valve from good ones.
+  if (!is_there || !is_beyond_noise(tested, r.evidence)) return r;
+  // The evidence takes what the law gets wrong for noise that averages out; the error that goes with the size does not.
+  // Both must tell the valve from good ones.
+  if (r.p_value <= kRareInGoodValves) {
     r.p_value = std::max(r.p_value, p_value_of_fitted_size(fitted, size, beside, contest.inflation, options));
-    r.stands_out = laws * r.p_value <= kNamedFalseAlarm;
+  }
+  r.stands_out = laws * r.p_value <= kNamedFalseAlarm;
+  if (!r.stands_out && is_unlike_good_valves(contest) && r.p_value <= kRareInGoodValves &&
+      leftover_of(LinearisedValve(*fitted.problem, fitted.v), options).p_value > kRareInGoodValves) {
+    // No good valve leaves what this one does, and with the law it leaves what they do: that something is wrong need
+    // not be shown once more by the law alone, only that good valves do not show as much of it.
+    r.stands_out = true;
+    r.p_value = std::min(r.p_value, kLeftoverTests * contest.p_value_beside / laws);
   }
   return r;
 }
@@ -538,7 +551,7 @@ Survey survey_laws(const LinearisedValve& fit, const ValveFitOptions& options) {
     for (const Tested& tested : survey.tested) best = std::max(best, tested.fit.reduction);
     const double worthwhile = std::max(kLeastPromise, kLeastShare * best);
     auto found = search_law(fit, options, variant.law, variant.starts, kSearchSteps, worthwhile);
-    if (!found || is_cut_off(found->law, found->parameters)) continue;
+    if (!found || (found->reduction > 0 && is_cut_off(found->law, found->parameters))) continue;
     Tested tested{
         .starts = variant.starts,
         .noise_reduction = noise_reduction(variant, found->freedoms, fit.problem().recordings(), fit.samples())};
@@ -569,6 +582,7 @@ Contest hold_contest(const Explanation& beside, const ValveDiagnosisOptions& opt
   const double laws = static_cast<double>(contest.survey.tested.size());
   contest.samples = linear.samples();
   contest.weight = linear.weight();
+  contest.p_value_beside = leftover_of(linear, options).p_value;
 
   JointFits joint{.lowest = beside.cost};
   fit_jointly(in_the_race(contest.survey, options), beside, bent, joint);
@@ -605,6 +619,7 @@ Contest held_again(const Contest& contest, const Explanation& beside, const Expl
   again.inflation = contest.inflation;
   again.samples = contest.samples;
   again.weight = contest.weight;
+  again.p_value_beside = contest.p_value_beside;
   const std::string cause = cause_of(better);
   const auto tested = std::find_if(again.survey.tested.begin(), again.survey.tested.end(),
                                    [&](const Tested& t) { return t.cause() == cause; });

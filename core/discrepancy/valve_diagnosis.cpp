@@ -14,6 +14,9 @@ constexpr int kRefitSteps = 12;
 // A further cause explains at least this share of what is left above the noise (three in ten, lesson of the pairs).
 constexpr double kShareOfASecond = 0.3;
 constexpr int kMostCauses = 3;
+// And it explains more than the laws before it may leave of their own signature, as idealisations: three times as much
+// of it where free runs stick, which miss the instants of slips.
+constexpr double kIdealisationOfSlips = 3 * kIdealisation;
 
 class Diagnosis {
  public:
@@ -47,7 +50,9 @@ class Diagnosis {
     if (!next.best) return false;
     const double gained = explanation.cost - next.best->cost;
     const double above_floor = explanation.cost - noise_cost(explanation);
-    if (gained < kShareOfASecond * above_floor) return false;
+    const double left_of_laws = explanation.problem->sticks(explanation.v) ? kIdealisationOfSlips : kIdealisation;
+    const double of_laws = left_of_laws * left_of_laws * (baseline_.cost - explanation.cost);
+    if (gained < std::max(kShareOfASecond * above_floor, of_laws)) return false;
     explanation = take(next);
     return true;
   }
@@ -55,7 +60,10 @@ class Diagnosis {
   /// Each cause of several must still be needed beside the others, and is compared with its rivals there.
   void reconsider(Explanation& explanation) {
     int replaced = 0;
+    // The last one was found beside the others as they are: only where those have changed is it asked again.
+    bool is_last_known = true;
     for (std::size_t i = 0; i < explanation.laws.size() && explanation.laws.size() > 1;) {
+      if (is_last_known && i + 1 == explanation.laws.size()) return;
       const auto place = places_.begin() + static_cast<std::ptrdiff_t>(i);
       Explanation others = without(explanation, i, kRefitSteps);
       Contest again = hold_contest(others, options_);
@@ -64,6 +72,7 @@ class Diagnosis {
         places_.erase(place);
         if (explanation.laws.size() == 1) places_.front() = first_place(explanation);
         i = 0;
+        is_last_known = false;
         continue;
       }
       const bool is_same = again.cause == explanation.laws[i].law.law->cause;
@@ -73,6 +82,7 @@ class Diagnosis {
         // Another cause does better in its place: it comes last, and the ones before it are seen with it.
         explanation = std::move(*again.best);
         std::rotate(place, place + 1, places_.end());
+        is_last_known = false;
         if (++replaced > kMostCauses) return;
         continue;
       }

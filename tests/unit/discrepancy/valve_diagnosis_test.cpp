@@ -144,6 +144,41 @@ TEST(ValveDiagnosis, AReadingThatHoldsAnotherLevelAtEveryRestIsNoSlowNoise) {
   EXPECT_EQ(with_slow(6 * kNoise_psi, true), Conclusion::kUnexplained);
 }
 
+TEST(ValveDiagnosis, ALawThatAccountsForWhatNoGoodValveLeavesNeedNotStandOutOnceMore) {
+  const test::MadeValve valve;
+  const auto healthy = test::session(valve, kNoise_psi, 5);
+  Population population(healthy, valve);
+  const auto spoiled =
+      with_cause(healthy, population.model(valve),
+                 {.cause = "intermittent", .parameters = {9.0, -0.012, 0}, .channel = healthy.back().name});
+  std::vector<LeftoverOnGoodValves> leftovers;
+  for (const char* group :
+       {"at rest, low", "at rest, middle", "at rest, high", "moving, low", "moving, middle", "moving, high"}) {
+    leftovers.push_back({group, 0.0, 0.12});
+  }
+  const auto conclusion = [&](double evidence_in_good_valves) {
+    for (CauseOnGoodValves& good : population.causes) {
+      if (good.cause != "intermittent") continue;
+      good.evidence_mean = evidence_in_good_valves;
+      good.evidence_sd = evidence_in_good_valves;
+    }
+    const auto fit = fit_valve(spoiled, population.options);
+    return diagnose_valve(
+               spoiled, *fit,
+               {.fit = population.options, .good_valves = 8, .causes = population.causes, .leftovers = leftovers})
+        .discrepancy;
+  };
+  // Its evidence is some 30 times what eight good valves show: one of them in a few hundred would, by that alone.
+  const Discrepancy rare = conclusion(110);
+  EXPECT_EQ(rare.conclusion, Conclusion::kNamed);
+  ASSERT_EQ(rare.causes.size(), 1u);
+  EXPECT_EQ(rare.causes.front().cause, "intermittent");
+  // What good valves show as much of is no explanation, whatever else is odd about the valve.
+  const Discrepancy usual = conclusion(1200);
+  EXPECT_EQ(usual.conclusion, Conclusion::kUnexplained);
+  EXPECT_TRUE(usual.causes.empty());
+}
+
 class ValveDiagnosisOf : public testing::TestWithParam<MechanismUse> {};
 
 TEST_P(ValveDiagnosisOf, NamesTheCauseThatWasPutIn) {
