@@ -43,6 +43,23 @@ SampledValveDynamics::State displaced_spool(const SampledValveDynamics& spool, d
   return state;
 }
 
+/// Of a signal with a value half-way to the next sample, what is at the samples.
+std::vector<double> at_samples(const std::vector<double>& halves) {
+  std::vector<double> samples(halves.size() / 2);
+  for (std::size_t i = 0; i < samples.size(); ++i) samples[i] = halves[2 * i];
+  return samples;
+}
+
+/// A rest goes on between two samples of it.
+std::vector<double> rests_between_samples(const std::vector<double>& rests) {
+  std::vector<double> halves(2 * rests.size(), std::numeric_limits<double>::quiet_NaN());
+  for (std::size_t i = 0; i < rests.size(); ++i) {
+    halves[2 * i] = rests[i];
+    if (i + 1 < rests.size() && rests[i] == rests[i + 1]) halves[2 * i + 1] = rests[i];
+  }
+  return halves;
+}
+
 // Rows of a linearisation beyond this many say nothing new; thinning them bounds memory and time.
 constexpr std::size_t kMostRows = 60000;
 
@@ -52,15 +69,13 @@ ValveFitProblem::ValveFitProblem(std::span<const Recording> recordings, const Va
     : options_(options), knots_(static_cast<Index>(options.knots.size())), curve_(options.knots) {
   std::size_t samples = 0;
   for (const Recording& recording : recordings) {
-    Prepared prepared{.recording = &recording, .input = noise_free_input(recording)};
+    Prepared prepared{.recording = &recording, .input = halved(noise_free_input(recording))};
     const double noise = noise_floor(recording).rms;
     if (noise > 0) prepared.noise_variance = noise * noise;
     prepared.inverse_variance = 1 / prepared.noise_variance;
-    for (std::size_t i = 0; i < recording.samples(); ++i) {
-      prepared.time_s.push_back(static_cast<double>(i) * recording.sample_period_s);
-      prepared.ends_s.push_back(prepared.time_s.back());
-      prepared.ends_s.push_back(prepared.time_s.back() + recording.sample_period_s);
-    }
+    prepared.time_s = law_stamps(recording.samples(), recording.sample_period_s);
+    prepared.half_time_s = law_stamps(2 * recording.samples(), 0.5 * recording.sample_period_s);
+    prepared.ends_s = interleaved_stamps(2 * recording.samples(), 0.5 * recording.sample_period_s);
     prepared.ends_driver = interleaved_driver(prepared.input);
     prepared.gate = loop_gate(prepared.input);
     prepared.driver = loop_driver(prepared.input, prepared.gate);
@@ -100,7 +115,7 @@ void ValveFitProblem::set_bounds() {
   double longest = 0;
   for (const Prepared& p : prepared_) {
     period = std::min(period, p.recording->sample_period_s);
-    longest = std::max(longest, p.recording->sample_period_s * static_cast<double>(p.input.start.size()));
+    longest = std::max(longest, p.recording->sample_period_s * static_cast<double>(p.recording->samples()));
   }
   const double range = options_.knots.back() - options_.knots.front();
   const double reference = options_.reference_psi;
@@ -190,9 +205,9 @@ VectorXd ValveFitProblem::start_vector(const ValveParameters& parameters) const 
   MatrixXd a = precision_.bottomRightCorner(knots_, knots_);
   VectorXd b = VectorXd::Zero(knots_);
   for (const Prepared& p : prepared_) {
-    for (std::size_t i = 0; i < p.input.start.size(); ++i) {
+    for (std::size_t i = 0; i < p.recording->samples(); ++i) {
       if (!p.recording->is_valid(i)) continue;
-      const Index nearest = nearest_knot(options_.knots, p.input.start[i]);
+      const Index nearest = nearest_knot(options_.knots, p.input.start[2 * i]);
       a(nearest, nearest) += 1;
       b(nearest) += p.recording->output.values[i];
     }
@@ -228,6 +243,7 @@ void ValveFitProblem::follow_rests(const VectorXd& v) {
     Prepared& prepared = prepared_[r];
     const Recording& recording = *prepared.recording;
     prepared.rests = spool_rests(recording, valve, map, options_.usual.gauge_lag_s, std::sqrt(prepared.noise_variance));
+    prepared.half_rests = rests_between_samples(prepared.rests);
     const double noise = static_cast<double>(recording.samples()) * prepared.noise_variance;
     const double left = squared_error(r, simulate(v, r));
     const double slow = std::max(1.0, valve.volume.time_constant_s / recording.sample_period_s);
@@ -240,7 +256,8 @@ std::vector<Slip> ValveFitProblem::slips(const VectorXd& v) const {
   const MagneticLoop loop = loop_of(valve, options_.usual);
   std::vector<Slip> slips;
   for (const Prepared& prepared : prepared_) {
-    const std::vector<Slip> here = slips_between(loop.apply(prepared.input, prepared.driver).start, prepared.rests);
+    const std::vector<double> force = at_samples(loop.apply(prepared.input, prepared.driver).start);
+    const std::vector<Slip> here = slips_between(force, prepared.rests);
     slips.insert(slips.end(), here.begin(), here.end());
   }
   return slips;
@@ -254,6 +271,7 @@ VectorXd ValveFitProblem::let_go(VectorXd v) {
       v(own_at(r) + kMemory) = (prepared_[r].input.start[0] - rests[0]) / breakaway;
     }
     rests.clear();
+    prepared_[r].half_rests.clear();
     prepared_[r].inverse_variance = 1 / prepared_[r].noise_variance;
   }
   return clamped(std::move(v));
@@ -278,14 +296,18 @@ std::vector<double> ValveFitProblem::law_parameters(const VectorXd& v, std::size
   return parameters;
 }
 
-LawContext ValveFitProblem::context(const VectorXd& v, std::size_t recording) const {
+LawContext ValveFitProblem::context(const VectorXd& v, std::size_t recording, Place place) const {
   const Prepared& prepared = prepared_[recording];
   const double lowest = v(kParameters), highest = v(kParameters + knots_ - 1);
-  return {.time_s = prepared.time_s,
+  const bool is_ahead = place != Place::kOutput;
+  return {.time_s = place == Place::kInput ? prepared.ends_s
+                    : is_ahead             ? prepared.half_time_s
+                                           : prepared.time_s,
           .output_range = highest - lowest,
+          .driver = place == Place::kInput ? std::span<const double>(prepared.ends_driver) : std::span<const double>{},
           .side = prepared.recording->side,
           .recording = recording,
-          .input = prepared.recording->input.values,
+          .input = is_ahead ? prepared.input.start : prepared.recording->input.values,
           .input_middle = 0.5 * (options_.knots.front() + options_.knots.back()),
           .rest_input = options_.knots.front(),
           .secant = (highest - lowest) / (options_.knots.back() - options_.knots.front())};
@@ -308,7 +330,7 @@ void ValveFitProblem::apply_laws(Place place, const VectorXd& v, std::size_t rec
     const LawInFit& law = options_.laws[l];
     if (!acts_at(law, place, recording)) continue;
     if (before) before->push_back(signal);
-    LawContext seen = context(v, recording);
+    LawContext seen = context(v, recording, place);
     seen.steady = steady;
     law.law->apply(law_parameters(v, l, recording), seen, signal);
   }
@@ -321,10 +343,7 @@ IntervalSignal ValveFitProblem::behind_input_laws(const VectorXd& v, std::size_t
     const LawInFit& law = options_.laws[l];
     if (!acts_at(law, Place::kInput, recording)) continue;
     if (signal.empty()) signal = interleaved(prepared.input);
-    LawContext seen = context(v, recording);
-    seen.time_s = prepared.ends_s;
-    seen.driver = prepared.ends_driver;
-    law.law->apply(law_parameters(v, l, recording), seen, signal);
+    law.law->apply(law_parameters(v, l, recording), context(v, recording, Place::kInput), signal);
   }
   return signal.empty() ? prepared.input : intervals(signal);
 }
@@ -351,13 +370,13 @@ std::vector<std::vector<double>> ValveFitProblem::positions(std::span<const RunA
     const auto& [v, recording] = at[k];
     const ValveDynamics& spool = blocks[k].valve.spool;
     if (!(blocks[k].friction.breakaway_a > 0)) continue;
-    sliding.push_back({&spool, &blocks[k].friction, period_s(recording), &forces[k], (*v)(own_at(recording) + kMemory),
-                       positions[k], prepared_[recording].rests});
+    sliding.push_back({&spool, &blocks[k].friction, half_period_s(recording), &forces[k],
+                       (*v)(own_at(recording) + kMemory), positions[k], prepared_[recording].half_rests});
   }
   run_sliding_spools(sliding);
   for (std::size_t k = 0; k < at.size(); ++k) {
     const auto& [v, recording] = at[k];
-    const SampledValveDynamics spool(blocks[k].valve.spool, period_s(recording));
+    const SampledValveDynamics spool(blocks[k].valve.spool, half_period_s(recording));
     if (!(blocks[k].friction.breakaway_a > 0)) spool.run(forces[k], positions[k]);
     SampledValveDynamics::State free =
         displaced_spool(spool, (*v)(own_at(recording) + kSpoolRate), (*v)(own_at(recording) + kSpoolPosition));
@@ -390,7 +409,8 @@ std::vector<ValveFitProblem::Run> ValveFitProblem::runs(const VectorXd& v, std::
   }
   std::vector<VolumeRun> through;
   for (std::size_t k = 0; k < runs.size(); ++k) {
-    runs[k].pressure.resize(runs[k].steady.size());
+    runs[k].asked = at_samples(runs[k].steady);
+    runs[k].pressure.resize(runs[k].asked.size());
     through.push_back(volume_run(v, recordings[k], volumes[k], runs[k].steady, runs[k].pressure));
     if (tangents) through.back().tangent = &runs[k].tangent;
   }
@@ -399,7 +419,7 @@ std::vector<ValveFitProblem::Run> ValveFitProblem::runs(const VectorXd& v, std::
     Run& run = runs[k];
     read_behind_lag(options_.usual.gauge_lag_s, period_s(recordings[k]), run.pressure);
     run.output = run.pressure;
-    apply_laws(Place::kOutput, v, recordings[k], run.steady, run.output, tangents ? &run.before_output : nullptr);
+    apply_laws(Place::kOutput, v, recordings[k], run.asked, run.output, tangents ? &run.before_output : nullptr);
   }
   return runs;
 }
@@ -428,9 +448,10 @@ std::vector<std::vector<double>> ValveFitProblem::simulate_behind_last(const Vec
                                                                        std::span<const Run> without_last) const {
   const std::size_t last = options_.laws.size() - 1;
   const LawInFit& law = options_.laws[last];
-  const auto with_law = [&](std::size_t r, const std::vector<double>& signal, const std::vector<double>& steady) {
+  const auto with_law = [&](Place place, std::size_t r, const std::vector<double>& signal,
+                            const std::vector<double>& steady) {
     std::vector<double> changed = signal;
-    LawContext seen = context(v, r);
+    LawContext seen = context(v, r, place);
     seen.steady = steady;
     law.law->apply(law_parameters(v, last, r), seen, changed);
     return changed;
@@ -449,11 +470,11 @@ std::vector<std::vector<double>> ValveFitProblem::simulate_behind_last(const Vec
     } else if (acts_at(law, Place::kSteady, r) || !(blocks.valve.volume == before.valve.volume)) {
       behind_map.push_back(k);
       volumes[k] = blocks.valve.volume;
-      steady[k] =
-          acts_at(law, Place::kSteady, r) ? with_law(r, before_law.steady, before_law.mapped) : before_law.steady;
+      steady[k] = acts_at(law, Place::kSteady, r) ? with_law(Place::kSteady, r, before_law.steady, before_law.mapped)
+                                                  : before_law.steady;
     } else {
-      outputs[k] =
-          acts_at(law, Place::kOutput, r) ? with_law(r, before_law.output, before_law.steady) : before_law.output;
+      outputs[k] = acts_at(law, Place::kOutput, r) ? with_law(Place::kOutput, r, before_law.output, before_law.asked)
+                                                   : before_law.output;
     }
   }
   if (!whole.empty()) {
@@ -464,13 +485,13 @@ std::vector<std::vector<double>> ValveFitProblem::simulate_behind_last(const Vec
   }
   std::vector<VolumeRun> through;
   for (const std::size_t k : behind_map) {
-    outputs[k].resize(steady[k].size());
+    outputs[k].resize(prepared_[recordings[k]].recording->samples());
     through.push_back(volume_run(v, recordings[k], volumes[k], steady[k], outputs[k]));
   }
   run_volumes(through);
   for (const std::size_t k : behind_map) {
     read_behind_lag(options_.usual.gauge_lag_s, period_s(recordings[k]), outputs[k]);
-    apply_laws(Place::kOutput, v, recordings[k], steady[k], outputs[k], nullptr);
+    apply_laws(Place::kOutput, v, recordings[k], at_samples(steady[k]), outputs[k], nullptr);
   }
   return outputs;
 }
@@ -555,7 +576,7 @@ class ValveFitProblem::Columns {
     for (std::size_t l = 0; l < problem.options_.laws.size(); ++l) {
       const LawInFit& law = problem.options_.laws[l];
       if (!problem.acts_at(law, Place::kSteady, recording)) continue;
-      LawContext seen = problem.context(v, recording);
+      LawContext seen = problem.context(v, recording, Place::kSteady);
       seen.steady = base_.mapped;
       const std::vector<double> parameters = problem.law_parameters(v, l, recording);
       if (law.law->tangent) law.law->tangent(parameters, seen, before, steady_gain_);
@@ -659,7 +680,8 @@ class ValveFitProblem::Columns {
 
   /// The spool's own return from a start off its rest, which nothing before the map changes.
   std::vector<double> spool_start_change(Index state) const {
-    const SampledValveDynamics spool(problem_.blocks_of(v_, recording_).valve.spool, period_s());
+    const SampledValveDynamics spool(problem_.blocks_of(v_, recording_).valve.spool,
+                                     problem_.half_period_s(recording_));
     SampledValveDynamics::State free = displaced_spool(spool, state == kSpoolRate ? 1 : 0, state == kSpoolRate ? 0 : 1);
     std::vector<double> change(base_.position.size(), 0.0);
     for (std::size_t i = 0; i < change.size() && free.squaredNorm() > 1e-24; ++i) {
@@ -704,7 +726,7 @@ class ValveFitProblem::Columns {
     std::vector<VolumeRun> through;
     for (std::size_t n = 0; n < which.size(); ++n) {
       std::vector<double>& change = changes[which[n]];
-      change.resize(base_.steady.size());
+      change.resize(base_.pressure.size());
       through.push_back(problem_.volume_run(moved[which[n]], recording_, volumes[n], base_.steady, change));
     }
     run_volumes(through);
@@ -727,7 +749,7 @@ class ValveFitProblem::Columns {
       return steady;
     }
     std::vector<double> output = base_.pressure;
-    problem_.apply_laws(Place::kOutput, w, recording_, base_.steady, output, nullptr);
+    problem_.apply_laws(Place::kOutput, w, recording_, base_.asked, output, nullptr);
     for (std::size_t i = 0; i < output.size(); ++i) output[i] = (output[i] - base_.output[i]) / step;
     return output;
   }
@@ -742,11 +764,15 @@ class ValveFitProblem::Columns {
 
   void carry_volume(std::vector<double>& change) const {
     double p = change.empty() ? 0 : change.front();  // the volume starts at its steady pressure
-    for (std::size_t i = 0; i < change.size(); ++i) {
-      const double both = change[i] + (i + 1 < change.size() ? change[i + 1] : change[i]);
+    const VolumeTangent& tangent = base_.tangent;
+    const std::size_t samples = tangent.keep.size();
+    for (std::size_t i = 0; i < samples; ++i) {
+      const double begin = change[2 * i], middle = change[2 * i + 1];
+      const double end = i + 1 < samples ? change[2 * i + 2] : middle;
       change[i] = p;
-      p = base_.tangent.keep[i] * p + base_.tangent.pass[i] * both;
+      p = tangent.keep[i] * p + tangent.begin[i] * begin + tangent.middle[i] * middle + tangent.end[i] * end;
     }
+    change.resize(samples);
     read_behind_lag(problem_.options_.usual.gauge_lag_s, period_s(), change);
   }
 
@@ -767,8 +793,8 @@ void ValveFitProblem::output_tangents(const VectorXd& v, std::size_t recording, 
   for (std::size_t l = 0; l < options_.laws.size(); ++l) {
     const LawInFit& law = options_.laws[l];
     if (!acts_at(law, Place::kOutput, recording)) continue;
-    LawContext seen = context(v, recording);
-    seen.steady = base.steady;
+    LawContext seen = context(v, recording, Place::kOutput);
+    seen.steady = base.asked;
     if (law.law->tangent) {
       law.law->tangent(law_parameters(v, l, recording), seen, base.before_output[stage], change);
     }

@@ -58,11 +58,13 @@ class ValveFitProblem {
   /// Σ n ln(mean square error) over recordings: their cost where the size of each one's error is not known beforehand.
   double scale_free_cost(const Eigen::VectorXd& v) const;
 
-  /// Every signal along the chain of one free run.
+  /// Every signal along the chain of one free run. Ahead of the volume two values a sample, there and half-way to the
+  /// next; from it on one.
   struct Run {
-    std::vector<double> position;                    ///< the map's input x at each sample [A]
+    std::vector<double> position;                    ///< the map's input x [A]
     std::vector<double> mapped;                      ///< map(x)
     std::vector<double> steady;                      ///< behind the steady laws
+    std::vector<double> asked;                       ///< the same at the samples
     std::vector<double> pressure;                    ///< behind the volume and the gauge
     std::vector<std::vector<double>> before_output;  ///< what enters each output law
     std::vector<double> output;
@@ -96,7 +98,7 @@ class ValveFitProblem {
   /// From now on a recording weighs nothing.
   void leave_out(std::size_t recording) { prepared_[recording].inverse_variance = 0; }
   /// What a law may look at in one recording.
-  LawContext context(const Eigen::VectorXd& v, std::size_t recording) const;
+  LawContext context(const Eigen::VectorXd& v, std::size_t recording, Place place) const;
   bool acts(const LawInFit& law, std::size_t recording) const { return !law.recording || *law.recording == recording; }
 
   /// Rows of one recording, whitened by its noise: sensitivities [shared | own] and errors at every stride-th valid
@@ -123,8 +125,9 @@ class ValveFitProblem {
  private:
   struct Prepared {
     const Recording* recording = nullptr;
-    IntervalSignal input;
+    IntervalSignal input;             ///< two intervals a sample
     std::vector<double> time_s;       ///< of each sample, from the recording's start
+    std::vector<double> half_time_s;  ///< and half-way to the next
     std::vector<double> ends_s;       ///< start and end of each interval
     std::vector<double> ends_driver;  ///< the input there, without its noise
     double gate = 0;                  ///< of the loop's driver
@@ -132,6 +135,7 @@ class ValveFitProblem {
     double inverse_variance = 1;
     double noise_variance = 1;
     std::vector<double> rests;  ///< of the measured spool, as `spool_rests`; empty: runs are free
+    std::vector<double> half_rests;
   };
 
   /// The valve's blocks with every law on them.
@@ -145,6 +149,7 @@ class ValveFitProblem {
   /// With its first `laws` laws alone.
   Blocks blocks_of(const Eigen::VectorXd& v, std::size_t recording, std::size_t laws) const;
   double period_s(std::size_t recording) const { return prepared_[recording].recording->sample_period_s; }
+  double half_period_s(std::size_t recording) const { return 0.5 * period_s(recording); }
   std::vector<Run> runs(const Eigen::VectorXd& v, std::span<const std::size_t> recordings, bool tangents) const;
   VolumeRun volume_run(const Eigen::VectorXd& v, std::size_t recording, const OrificeVolume& volume,
                        std::span<const double> steady, std::span<double> pressure) const;

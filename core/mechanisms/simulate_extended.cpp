@@ -189,10 +189,14 @@ Result<std::vector<double>> run(const Model& model, const IntervalSignal& input,
   if (!changed) return tl::unexpected(changed.error());
   const std::vector<Law> laws = signal_laws_of(model, std::move(*all));
 
+  // Laws ahead of a volume see what goes on within a sample, those behind it what is read at the sample.
+  const std::size_t per_sample = runs_per_sample(*changed);
+  const double inner_period_s = sample_period_s / static_cast<double>(per_sample);
+  const IntervalSignal inner_input = per_sample == 2 ? halved(input) : input;
   LawContext context = common_context(model, around);
-  const std::vector<double> stamps = law_stamps(input.start.size(), sample_period_s);
-  context.time_s = stamps;
-  context.input = input.start;
+  const std::vector<double> inner_stamps = law_stamps(inner_input.start.size(), inner_period_s);
+  context.time_s = inner_stamps;
+  context.input = inner_input.start;
   const double gain = model.map ? 1 : static_gain(model.dynamics);
   if (!model.map) {
     const bool on_position = any_at(laws, Place::kPosition);
@@ -221,20 +225,23 @@ Result<std::vector<double>> run(const Model& model, const IntervalSignal& input,
   if (at_steady && model.map) {
     signal_laws.at_steady = [&](std::span<double> m) { run_laws(laws, Place::kSteady, context, m); };
   }
+  const std::vector<double> stamps = law_stamps(input.start.size(), sample_period_s);
   if (any_at(laws, Place::kOutput) || (at_steady && !model.map)) {
     signal_laws.at_output = [&](std::span<const double> steady, std::span<double> y) {
-      if (!model.map) run_laws(laws, Place::kSteady, context, y);
       LawContext here = context;
+      here.time_s = stamps;
+      here.input = input.start;
+      if (!model.map) run_laws(laws, Place::kSteady, here, y);
       here.steady = steady;
       run_laws(laws, Place::kOutput, here, y);
     };
   }
-  if (model.loop) signal_laws.loop_gate = loop_gate(input);
+  if (model.loop) signal_laws.loop_gate = loop_gate(inner_input);
   std::optional<LawInput> law_input;
   if (any_at(laws, Place::kInput)) {
-    law_input.emplace(input, sample_period_s);
-    signal_laws.at_input = [&](const LawMemories& memories, std::size_t samples) {
-      return law_input->behind(with_memories(laws, memories), context, samples);
+    law_input.emplace(inner_input, inner_period_s);
+    signal_laws.at_input = [&](const LawMemories& memories, std::size_t intervals) {
+      return law_input->behind(with_memories(laws, memories), context, intervals);
     };
   }
   return free_run(*changed, signal_laws, input, sample_period_s, measured, initial, horizon);

@@ -17,18 +17,25 @@ using LawMemories = std::vector<double>;
 /// place and may be called several times, on the first samples only (an initial state is being found) or on all.
 struct SignalLaws {
   LawMemories memories;  ///< as the model has them; found anew where measured outputs set the initial state
-  /// the first samples of the input behind the laws on it
-  std::function<IntervalSignal(const LawMemories&, std::size_t samples)> at_input;
+  /// the first intervals of the input behind the laws on it
+  std::function<IntervalSignal(const LawMemories&, std::size_t intervals)> at_input;
   /// behind G, before the map
   std::function<void(const LawMemories&, std::span<double> position)> at_position;
   std::function<void(std::span<double> steady)> at_steady;  ///< behind the map, before the volume
-  /// behind everything; `steady` is what entered the volume
+  /// behind everything; `steady` is what entered the volume, at the samples
   std::function<void(std::span<const double> steady, std::span<double> output)> at_output;
   /// of the loop's driver: that of the input before a law moved it; empty: that of the input given
   std::optional<double> loop_gate;
 };
 
-/// `simulate` with laws between the blocks. A volume that settles elsewhere than at its m starts where it settles.
+/// How often a model's blocks ahead of its volume, and the laws there, are run in a sample: the volume wants to know
+/// the steady pressure half-way between samples as well.
+inline std::size_t runs_per_sample(const Model& model) {
+  return model.volume ? 2 : 1;
+}
+
+/// `simulate` with laws between the blocks; those ahead of a volume see `runs_per_sample` values a sample. A volume
+/// that settles elsewhere than at its m starts where it settles.
 Result<std::vector<double>> free_run(const Model& model, const SignalLaws& laws, const IntervalSignal& input,
                                      double sample_period_s, std::span<const double> measured,
                                      const InitialState& initial, Horizon horizon);

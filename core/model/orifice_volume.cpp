@@ -178,18 +178,18 @@ class Law {
       flow.out_slope += loss_share_ * loss_slope;
     }
     const double drop = std::max(supply_ - p, kLeastDrop_psi);
-    flow.drop = std::pow(drop, n_);
-    flow.drop_slope = -n_ * flow.drop / drop;
+    flow.drop = std::sqrt(drop);
+    flow.drop_slope = -0.5 * flow.drop / drop;
     return flow;
   }
 
-  /// dp/dt and its derivatives by p and m.
+  /// dp/dt under an inflow Q, and its derivatives by p and Q.
   struct Rate {
-    double value = 0, by_p = 0, by_m = 0;
+    double value = 0, by_p = 0, by_inflow = 0;
   };
-  Rate rate(const OfPressure& p, const OfSteady& m) const {
-    Rate rate{p.value[0] * m.value[0] - p.value[1], p.slope[0] * m.value[0] - p.slope[1], p.value[0] * m.slope[0]};
-    if (rate.value < 0) rate = {rate.value * per_fall_, rate.by_p * per_fall_, rate.by_m * per_fall_};
+  Rate rate(const OfPressure& p, double inflow) const {
+    Rate rate{p.value[0] * inflow - p.value[1], p.slope[0] * inflow - p.slope[1], p.value[0]};
+    if (rate.value < 0) rate = {rate.value * per_fall_, rate.by_p * per_fall_, rate.by_inflow * per_fall_};
     return rate;
   }
 
@@ -274,58 +274,79 @@ class VolumeAtWork {
  public:
   VolumeAtWork(const VolumeRun& run, const Law& law, const Law::Tabulated& table)
       : run_(run), law_(law), table_(table), stop_psi_(run.volume->stop_psi), ceiling_psi_(run.volume->ceiling_psi) {
-    assert(run.steady.size() == run.pressure.size());
-    const std::size_t n = run.steady.size();
+    assert(run.steady.size() == 2 * run.pressure.size());
+    const std::size_t n = run.pressure.size();
     if (run.tangent) {
-      run.tangent->keep.assign(n, 0);
-      run.tangent->pass.assign(n, 0);
+      for (std::vector<double>* part : parts(*run.tangent)) part->assign(n, 0);
     }
     p_ = std::min(run.first_psi, ceiling_psi_);
-    m_ = n > 0 ? std::min(run.steady[0], stop_psi_) : 0;
+    if (n > 0) at_ = asked(run.steady[0]);
   }
 
-  std::size_t samples() const { return run_.steady.size(); }
+  std::size_t samples() const { return run_.pressure.size(); }
 
   void step(std::size_t i) {
-    const double next_m = i + 1 < samples() ? std::min(run_.steady[i + 1], stop_psi_) : m_;
+    // Before the pressure is written: it may stand in the memory of what was read.
+    const double middle_m = run_.steady[2 * i + 1], end_m = i + 1 < samples() ? run_.steady[2 * i + 2] : middle_m;
     run_.pressure[i] = p_;
-    const bool stays = std::abs(next_m - m_) <= kAtRest_psi;
+    const double middle_psi = std::min(middle_m, stop_psi_), end_psi = std::min(end_m, stop_psi_);
+    const bool stays = std::abs(end_psi - at_.psi) <= kAtRest_psi && std::abs(middle_psi - at_.psi) <= kAtRest_psi;
     if (stays && rests_) {
       if (run_.tangent) {
-        run_.tangent->keep[i] = run_.tangent->keep[i - 1];
-        run_.tangent->pass[i] = run_.tangent->pass[i - 1];
+        for (std::vector<double>* part : parts(*run_.tangent)) (*part)[i] = (*part)[i - 1];
       }
       return;
     }
     const double period_s = run_.sample_period_s;
-    const Law::OfSteady middle = table_.of_steady(0.5 * (m_ + next_m));
+    const Asked middle = asked(middle_m), end = asked(end_m);
+    const double inflow = (at_.flow.value[0] + 4 * middle.flow.value[0] + end.flow.value[0]) * (1.0 / 6);
     // Half a step with the slope at its start, then the whole with the slope at the middle.
-    const Law::Rate begin = law_.rate(table_.of_pressure(p_), middle);
+    const Law::Rate begin = law_.rate(table_.of_pressure(p_), inflow);
     const double half = p_ + 0.5 * period_s * begin.value * relaxed(-0.5 * period_s * begin.by_p);
-    const Law::Rate centre = law_.rate(table_.of_pressure(half), middle);
+    const Law::Rate centre = law_.rate(table_.of_pressure(half), inflow);
     const double reach = period_s * relaxed(-period_s * centre.by_p);
     const double slope_there = centre.value + centre.by_p * (p_ - half);
     if (run_.tangent) {
+      const double sixth = reach * centre.by_inflow * (1.0 / 6);
       run_.tangent->keep[i] = 1 + centre.by_p * reach;  // e^(T ∂rate/∂p)
-      // Where the spool is at its stop, m stays.
-      const double moving = 0.5 * ((m_ < stop_psi_ ? 1 : 0) + (next_m < stop_psi_ ? 1 : 0));
-      run_.tangent->pass[i] = 0.5 * reach * centre.by_m * moving;
+      run_.tangent->begin[i] = sixth * at_.slope();
+      run_.tangent->middle[i] = 4 * sixth * middle.slope();
+      run_.tangent->end[i] = sixth * end.slope();
     }
     p_ += reach * slope_there;
     rests_ = stays && std::abs(reach * slope_there) <= kAtRest_psi;
     if (p_ > ceiling_psi_) {
       p_ = ceiling_psi_;
-      if (run_.tangent) run_.tangent->keep[i] = run_.tangent->pass[i] = 0;
+      if (run_.tangent) {
+        for (std::vector<double>* part : parts(*run_.tangent)) (*part)[i] = 0;
+      }
     }
-    m_ = next_m;
+    at_ = end;
   }
 
  private:
+  /// A steady pressure that the spool asks for, and the inflow that goes with it.
+  struct Asked {
+    double psi = 0;
+    bool is_free = true;  ///< of the stop, beyond which it stays
+    Law::OfSteady flow;
+
+    double slope() const { return is_free ? flow.slope[0] : 0; }
+  };
+  Asked asked(double steady_psi) const {
+    const double psi = std::min(steady_psi, stop_psi_);
+    return {psi, steady_psi < stop_psi_, table_.of_steady(psi)};
+  }
+  static std::array<std::vector<double>*, 4> parts(VolumeTangent& tangent) {
+    return {&tangent.keep, &tangent.begin, &tangent.middle, &tangent.end};
+  }
+
   const VolumeRun& run_;
   const Law& law_;
   const Law::Tabulated& table_;
   double stop_psi_, ceiling_psi_;
-  double p_ = 0, m_ = 0;
+  double p_ = 0;
+  Asked at_;
   bool rests_ = false;
 };
 
@@ -370,12 +391,12 @@ double settled_psi(const OrificeVolume& volume, double steady_psi) {
   double settled = asked_psi;
   if (volume.drain_excess_exponent != 0 || volume.loss_fraction != 0) {
     const Law law(volume);
-    const Law::OfSteady m = law.of_steady(asked_psi);
+    const double inflow = law.of_steady(asked_psi).value[0];
     // The rate falls with p, so a bracket around its zero can be halved: to the last bit, and no slope is needed.
     double low = std::min(asked_psi, 0.0) - 1, high = std::max(volume.supply_psi, asked_psi + 1);
     for (int halving = 0; halving < 80; ++halving) {
       const double middle = 0.5 * (low + high);
-      (law.rate(law.of_pressure(middle), m).value > 0 ? low : high) = middle;
+      (law.rate(law.of_pressure(middle), inflow).value > 0 ? low : high) = middle;
     }
     settled = 0.5 * (low + high);
   }

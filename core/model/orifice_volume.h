@@ -9,11 +9,12 @@ namespace valvetriage {
 /// A fluid volume between a variable supply orifice and a fixed drain orifice, written by the steady pressure m that
 /// the spool's position asks for:
 ///
-///   dp/dt = κ [ ((P_s − p) / (P_s − m))^n φ(m) − φ(p) ],   φ(p) = (p + ε)^n − ε^n for p ≥ 0, its tangent below
+///   dp/dt = κ [ √((P_s − p) / (P_s − m)) φ(m) − φ(p) ],   φ(p) = (p + ε)^n − ε^n for p ≥ 0, its tangent below
 ///
-/// At p = m nothing flows, whatever n. n = 1/2 is turbulent flow (Bernoulli's orifice), n = 1 laminar, and with P_s far
-/// above a plain first-order lag. κ is set so that the small-signal time constant at the reference pressure is
-/// `time_constant_s`: settling is fast at low pressure and slow at mid pressure, and differs up and down.
+/// At p = m nothing flows, whatever n. A spool meters over a sharp edge, which is Bernoulli's orifice whatever the
+/// fluid (Merritt, section 3.2); n is the drain's, 1/2 where it is turbulent, 1 where it is laminar, and with P_s far
+/// above the volume is then a plain first-order lag. κ is set so that the small-signal time constant at the reference
+/// pressure is `time_constant_s`: settling is fast at low pressure and slow at mid pressure, and differs up and down.
 /// ε = 0.1 psi: every orifice is laminar at small drops (Borutzky, Control Eng. Practice 10 (2002) 1253).
 /// Source: Merritt, Hydraulic Control Systems (1967), chapters 3 and 5.
 ///
@@ -27,14 +28,14 @@ namespace valvetriage {
 ///
 /// What may be wrong with it, neutral by default; the inflow and κ stay those of the healthy volume:
 ///
-///   dp/dt = κ [ ((P_s − p) / (P_s − m))^n φ_n(m) − φ_{n+Δ}(p) φ_n(r)/φ_{n+Δ}(r) − f φ_n(H) ψ(p)/ψ(H) ] / (fall ratio)
+///   dp/dt = κ [ √((P_s − p) / (P_s − m)) φ_n(m) − φ_{n+Δ}(p) φ_n(r)/φ_{n+Δ}(r) − f φ_n(H) ψ(p)/ψ(H) ] / (fall ratio)
 ///
 /// with Δ the drain's excess exponent, r the reference pressure, f the loss fraction, H the highest pressure,
 /// ψ(p) = √(p + ε) − √ε, the fall ratio only while p falls, m never above the stop (of the spool) and p never above the
 /// ceiling (a relief valve). It then settles at `settled_psi`, which is m only for the healthy one.
 struct OrificeVolume {
   double time_constant_s = 0;  ///< > 0, at reference_psi [s]
-  double exponent = 0.5;       ///< n of flow over pressure drop, 0.2 to 1.5
+  double exponent = 0.5;       ///< n of the drain's flow over its pressure drop, 0.2 to 1.5
   double supply_psi = 0;       ///< P_s, above every steady pressure [psi]
   double reference_psi = 0;    ///< where the time constant holds [psi]
   double air_share = 0;        ///< a ≥ 0, capacity of entrained air over that of fluid and walls at reference_psi
@@ -49,20 +50,23 @@ struct OrificeVolume {
   bool operator==(const OrificeVolume&) const = default;
 };
 
-/// How small changes travel from one sample to the next: δp_{i+1} = keep[i] δp_i + pass[i] (δm_i + δm_{i+1}).
+/// How small changes travel from one sample to the next:
+///
+///   δp_{i+1} = keep[i] δp_i + begin[i] δm_{2i} + middle[i] δm_{2i+1} + end[i] δm_{2i+2}
 struct VolumeTangent {
   std::vector<double> keep;
-  std::vector<double> pass;
+  std::vector<double> begin, middle, end;
 };
 
 /// Pressure in the volume at each sample, from `first_psi` on.
 ///
-/// steady    m at each sample, linear between [psi]
-/// pressure  as many values, may be the same memory as steady
+/// steady    m at each sample and half-way to the next, two values a sample: a spool turns within one, and a straight
+///           line between its samples errs by several noises at every edge [psi]
+/// pressure  one value a sample, may be the first half of steady's memory
 /// tangent   filled where not null
-/// Cost      O(n), flows from a table of a thousand powers made once; an exponential midpoint rule, second order in the
-/// sampling
-///           period and stable for every time constant
+/// Cost      O(n), flows from a table of a thousand powers made once; the inflow of a sample by Simpson's rule, the
+///           pressure by an exponential midpoint rule, second order in the sampling period and stable for every time
+///           constant
 void run_volume(const OrificeVolume& volume, double sample_period_s, double first_psi, std::span<const double> steady,
                 std::span<double> pressure, VolumeTangent* tangent = nullptr);
 

@@ -66,9 +66,12 @@ void slide(const SpoolFriction& friction, const TransferFunction& g, const Linea
 /// A model with its laws in one recording, ready to run from any state.
 class FreeRun {
  public:
+  /// input, filter  `runs_per_sample` intervals a sample, and G at their period
   FreeRun(const Model& model, const SignalLaws& laws, const LinearFilter& filter, const IntervalSignal& input,
           double sample_period_s)
       : model_(model), laws_(laws), filter_(filter), input_(input), sample_period_s_(sample_period_s) {}
+
+  std::size_t samples() const { return input_.start.size() / per_sample_; }
 
   StartState at_rest() const {
     return {.moved = std::vector<double>(filter_.order()),
@@ -78,21 +81,26 @@ class FreeRun {
 
   /// The response from a state on, as many samples as `y` has.
   void respond(const StartState& from, std::span<double> y) const {
-    const IntervalSignal v = driving_signal(from, y.size());
+    const IntervalSignal v = driving_signal(from, per_sample_ * y.size());
+    std::vector<double> x(v.start.size());
     FilterState state = filter_.steady(v.start.front()).value_or(filter_.rest());
     state.past = v.start.front();
     for (std::size_t j = 0; j < from.moved.size(); ++j) state.x[j] += from.moved[j];
-    filter_.run(state, v.start, v.end, y);
-    if (model_.friction) slide(*model_.friction, model_.dynamics, filter_, v, from.memory, sample_period_s_, y);
-    if (laws_.at_position) laws_.at_position(from.memories, y);
-    if (model_.map) model_.map->apply(y);
-    if (laws_.at_steady) laws_.at_steady(y);
-    std::vector<double> steady;
-    if (laws_.at_output) steady.assign(y.begin(), y.end());
-    if (model_.volume) {
-      const double first_psi = settled_psi(*model_.volume, y[0]) + from.volume_gap;
-      run_volume(*model_.volume, sample_period_s_, first_psi, y, y);
+    filter_.run(state, v.start, v.end, x);
+    if (model_.friction) {
+      const double period_s = sample_period_s_ / static_cast<double>(per_sample_);
+      slide(*model_.friction, model_.dynamics, filter_, v, from.memory, period_s, x);
     }
+    if (laws_.at_position) laws_.at_position(from.memories, x);
+    if (model_.map) model_.map->apply(x);
+    if (laws_.at_steady) laws_.at_steady(x);
+    if (model_.volume) {
+      const double first_psi = settled_psi(*model_.volume, x[0]) + from.volume_gap;
+      run_volume(*model_.volume, sample_period_s_, first_psi, x, y);
+    }
+    for (std::size_t i = 0; i < y.size(); ++i) x[i] = x[per_sample_ * i];
+    const auto steady = std::span(x).first(y.size());
+    if (!model_.volume) std::copy(steady.begin(), steady.end(), y.begin());
     for (double& value : y) value += model_.output_offset;
     if (laws_.at_output) laws_.at_output(steady, y);
   }
@@ -105,7 +113,7 @@ class FreeRun {
     constexpr int kMostSteps = 20;
     constexpr double kLeastGain = 1e-4;  // of the squared error
     StartState start = at_rest();
-    const std::size_t samples = std::min(measured.size(), input_.start.size());
+    const std::size_t samples = std::min(measured.size(), this->samples());
     const auto unknowns = static_cast<Index>(probes(start).size());
     if (samples == 0 || unknowns == 0) return start;
     look_around(measured, start);
@@ -143,12 +151,12 @@ class FreeRun {
   bool has_memory() const { return model_.loop || model_.friction; }
 
   /// What enters G: the loop's output for a valve, the input about its operating point otherwise.
-  IntervalSignal driving_signal(const StartState& from, std::size_t samples) const {
+  IntervalSignal driving_signal(const StartState& from, std::size_t intervals) const {
     IntervalSignal signal;
     if (laws_.at_input) {
-      signal = laws_.at_input(from.memories, samples);
+      signal = laws_.at_input(from.memories, intervals);
     } else {
-      const auto count = static_cast<std::ptrdiff_t>(samples);
+      const auto count = static_cast<std::ptrdiff_t>(intervals);
       signal.start.assign(input_.start.begin(), input_.start.begin() + count);
       signal.end.assign(input_.end.begin(), input_.end.begin() + count);
     }
@@ -233,7 +241,7 @@ class FreeRun {
       double nearest = std::numeric_limits<double>::infinity(), best = *memory;
       for (const double place : {*memory, -1.0, -0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0}) {
         *memory = place;
-        const std::size_t samples = std::min(measured.size(), input_.start.size());
+        const std::size_t samples = std::min(measured.size(), this->samples());
         const double squares = gap_to(measured, response_from(start, samples)).squaredNorm();
         if (!(squares < nearest)) continue;
         nearest = squares;
@@ -265,6 +273,7 @@ class FreeRun {
   const LinearFilter& filter_;
   const IntervalSignal& input_;
   double sample_period_s_;
+  std::size_t per_sample_ = runs_per_sample(model_);
   double own_gate_ = model_.loop && !laws_.loop_gate ? loop_gate(input_) : 0;
 };
 
@@ -352,11 +361,13 @@ Result<std::vector<double>> free_run(const Model& model, const SignalLaws& laws,
   if (horizon == Horizon::kUnbounded) {
     if (const auto stable = require_stable(model.dynamics); !stable) return tl::unexpected(stable.error());
   }
-  const auto filter = sampled_dynamics(model.dynamics, sample_period_s);
+  const std::size_t per_sample = runs_per_sample(model);
+  const auto filter = sampled_dynamics(model.dynamics, sample_period_s / static_cast<double>(per_sample));
   if (!filter) return tl::unexpected(filter.error());
   if (input.start.empty()) return std::vector<double>{};
 
-  const FreeRun run(model, laws, *filter, input, sample_period_s);
+  const IntervalSignal halves = per_sample == 2 ? halved(input) : IntervalSignal{};
+  const FreeRun run(model, laws, *filter, per_sample == 2 ? halves : input, sample_period_s);
   const bool measured_start = initial.kind == InitialState::Kind::kMeasured;
   const auto first = measured.first(measured_start ? std::min(initial.samples, measured.size()) : 0);
   std::vector<double> y(input.start.size());

@@ -56,6 +56,20 @@ IntervalSignal input_between_samples(const Recording& recording) {
   return between_samples(recording, recording.input.values);
 }
 
+IntervalSignal halved(const IntervalSignal& signal) {
+  const std::size_t n = signal.start.size();
+  IntervalSignal halves{.start = std::vector<double>(2 * n),
+                        .end = std::vector<double>(2 * n),
+                        .noise = signal.noise ? *signal.noise : white_noise(signal.start)};
+  for (std::size_t i = 0; i < n; ++i) {
+    const double middle = signal.start[i] + 0.5 * (signal.end[i] - signal.start[i]);
+    halves.start[2 * i] = signal.start[i];
+    halves.end[2 * i] = halves.start[2 * i + 1] = middle;
+    halves.end[2 * i + 1] = signal.end[i];
+  }
+  return halves;
+}
+
 IntervalSignal noise_free_input(const Recording& recording) {
   const std::vector<double>& noise = recording.input_noise.values;
   if (noise.empty()) {

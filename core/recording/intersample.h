@@ -25,6 +25,10 @@ IntervalSignal input_between_samples(const Recording& recording);
 /// reaches across a step.
 IntervalSignal noise_free_input(const Recording& recording);
 
+/// The same signal with every interval cut in half, for what is run at half the sampling period. The noise in it is the
+/// one that the samples showed.
+IntervalSignal halved(const IntervalSignal& signal);
+
 /// Leaves out what follows a gap in which the input cannot be known: a step whose instant is lost, or a curve that no
 /// straight line follows. No model can be right there; a few milliseconds of doubt outweigh a small fault.
 ///

@@ -75,8 +75,8 @@ constexpr LawText kLawTexts[] = {
      "  m->in{n} = x;\n"
      "  x = m->out{n};"},
     {"rate_limit", "double out{n};", "m->out{n} = x;",
-     "if (x - m->out{n} > {0} * T) m->out{n} += {0} * T;\n"
-     "  else if (x - m->out{n} < -({0} * T)) m->out{n} -= {0} * T;\n"
+     "if (x - m->out{n} > {0} * H) m->out{n} += {0} * H;\n"
+     "  else if (x - m->out{n} < -({0} * H)) m->out{n} -= {0} * H;\n"
      "  else m->out{n} = x;\n"
      "  x = m->out{n};"},
     {"stiffening_spring", "", "",
@@ -93,7 +93,7 @@ constexpr LawText kLawTexts[] = {
     {"periodic_disturbance", "", "", "x += {1} * sin(6.283185307179586 * ({0}) * ((double)m->samples * T) + ({2}));"},
     {"thermal_drift", "double warmth{n};", "m->warmth{n} = 0;",
      "x *= 1 + {0} * m->warmth{n};\n"
-     "  m->warmth{n} += -expm1(-T / ({1})) * (1 - ({2}) + {2} * square_of_heating(m) - m->warmth{n});"},
+     "  m->warmth{n} += -expm1(-H / ({1})) * (1 - ({2}) + {2} * square_of_heating(m) - m->warmth{n});"},
     {"sensor_offset", "", "", "x += {0};"},
     {"sensor_drift", "", "", "x += {0} * ((double)m->samples * T);"},
     {"intermittent", "", "", "x *= 1 + {1} * fmin(fmax(((double)m->samples * T - ({0})) / T + 0.5, 0), 1);"},
@@ -228,9 +228,9 @@ static double spool_input(const valvetriage_model *m, double time) {
 
 /* Friction: sticks until the force difference passes breakaway, then slips (Stribeck); trapezoidal steps. */
 static void spool_advance(valvetriage_model *m, double start, double end) {
-  const double h = T / SUBSTEPS, stiff = 0.25 * h * h * NATURAL * NATURAL, damp = h * DAMPING * NATURAL;
+  const double h = H / SUBSTEPS, stiff = 0.25 * h * h * NATURAL * NATURAL, damp = h * DAMPING * NATURAL;
   const double keep = 1 - stiff - damp, push = h * NATURAL * NATURAL;
-  const size_t interval = m->samples - 1;
+  const size_t interval = m->runs - 1;
   int k;
   m->from[interval % INTERVALS] = start;
   m->to[interval % INTERVALS] = end;
@@ -290,10 +290,18 @@ static double orifice(double p, double n, double *slope) {
   return pow(p + e, n) - zero;
 }
 
+/* The metering edge is sharp. */
 static double drop_of(double p, double *slope) {
-  const double drop = fmax(SUPPLY - p, 1), flow = pow(drop, EXPONENT);
-  *slope = -EXPONENT * flow / drop;
+  const double drop = fmax(SUPPLY - p, 1), flow = sqrt(drop);
+  *slope = -0.5 * flow / drop;
   return flow;
+}
+
+/* What flows in under a drop of 1 psi where a steady pressure is asked for. */
+static double inflow_of(double steady) {
+  double ignored;
+  steady = fmin(steady, STOP);
+  return orifice(steady, EXPONENT, &ignored) / drop_of(steady, &ignored);
 }
 
 /* Entrained air: divides by the capacity at p over that at the reference. */
@@ -305,14 +313,13 @@ static void soften(double p, double *rate, double *slope) {
   *rate *= per_capacity;
 }
 
-/* dp/dt and its slope over p, towards a steady pressure steady. */
-static double volume_rate(double p, double steady, double *slope) {
-  double ignored, out_slope, loss_slope, drop_slope, rate;
-  const double in = orifice(steady, EXPONENT, &ignored), drop_steady = drop_of(steady, &ignored);
+/* dp/dt and its slope over p. */
+static double volume_rate(double p, double inflow, double *slope) {
+  double out_slope, loss_slope, drop_slope, rate;
   const double out = DRAIN_SHARE * orifice(p, DRAIN_EXPONENT, &out_slope);
   const double loss = LOSS_SHARE * orifice(p, 0.5, &loss_slope), drop = drop_of(p, &drop_slope);
-  rate = SCALE * (drop / drop_steady * in - (out + loss));
-  *slope = SCALE * (in * drop_slope / drop_steady - (DRAIN_SHARE * out_slope + LOSS_SHARE * loss_slope));
+  rate = SCALE * (drop * inflow - (out + loss));
+  *slope = SCALE * (inflow * drop_slope - (DRAIN_SHARE * out_slope + LOSS_SHARE * loss_slope));
   soften(p, &rate, slope);
   if (rate < 0) {
     rate /= FALL_RATIO;
@@ -332,17 +339,18 @@ static double volume_settled(double steady) {
   high = fmax(SUPPLY, steady + 1);
   for (halving = 0; halving < 80; ++halving) {
     const double middle = 0.5 * (low + high);
-    if (volume_rate(middle, steady, &ignored) > 0) low = middle; else high = middle;
+    if (volume_rate(middle, inflow_of(steady), &ignored) > 0) low = middle; else high = middle;
   }
   return fmin(0.5 * (low + high), CEILING);
 }
 
-/* One sample: half a step with the slope at its start, then the whole with the slope at the middle. */
-static double volume_advance(double p, double steady, double next_steady) {
-  const double middle = 0.5 * (fmin(steady, STOP) + fmin(next_steady, STOP));
-  double slope, rate = volume_rate(p, middle, &slope), half;
+/* One sample, its inflow by Simpson's rule: half a step with the slope at its start, then the whole with the slope at
+   the middle. */
+static double volume_advance(double p, double steady, double half_way, double next_steady) {
+  const double inflow = (inflow_of(steady) + 4 * inflow_of(half_way) + inflow_of(next_steady)) / 6;
+  double slope, rate = volume_rate(p, inflow, &slope), half;
   half = p + 0.5 * T * rate * relaxed(-0.5 * T * slope);
-  rate = volume_rate(half, middle, &slope);
+  rate = volume_rate(half, inflow, &slope);
   return fmin(p + T * relaxed(-T * slope) * (rate + slope * (p - half)), CEILING);
 }
 )c";
@@ -373,11 +381,12 @@ void valvetriage_start(valvetriage_model *m, double input, double input_noise) {
   m->noise = input_noise;
 }
 
-double valvetriage_step(valvetriage_model *m, double input, int is_step, double side) {
+/* The steady pressure that the input asks for. */
+static double asked_for(valvetriage_model *m, double input, int is_step) {
   const double driver_before = m->driver;
-  double start, y, steady;
+  double start, y;
   m->driver = gated(m->driver, input, m->noise);
-  if (m->samples > 0) {
+  if (m->runs > 0) {
     /* the interval that ends here */
     const double end_raw = is_step ? m->input : input;
     const double end_driver = end_raw == m->input ? driver_before : m->driver;
@@ -414,10 +423,27 @@ double valvetriage_step(valvetriage_model *m, double input, int is_step, double 
   }
   m->start = start;
   y = spool_output(m, filter_output(m, delayed_now(m, start)));
-  y = position_laws(m, y, m->samples == 0);
-  y = steady_output(y);
-  steady = map_laws(m, y, m->samples == 0);
-  m->pressure = m->samples == 0 ? volume_settled(steady) : volume_advance(m->pressure, m->steady, steady);
+  y = position_laws(m, y, m->runs == 0);
+  y = map_laws(m, steady_output(y), m->runs == 0);
+  ++m->runs;
+  return y;
+}
+
+double valvetriage_step(valvetriage_model *m, double input, int is_step, double side) {
+  double y, steady;
+  if (m->samples == 0) {
+    steady = asked_for(m, input, is_step);
+    m->pressure = volume_settled(steady);
+  } else {
+#if HAS_VOLUME
+    const double end = is_step ? m->input : input;
+    const double half_way = asked_for(m, m->input + 0.5 * (end - m->input), 0);
+#else
+    const double half_way = 0;
+#endif
+    steady = asked_for(m, input, is_step);
+    m->pressure = volume_advance(m->pressure, m->steady, half_way, steady);
+  }
   m->steady = steady;
   y = output_laws(m, m->pressure + OUTPUT_OFFSET, m->samples == 0, side);
   ++m->samples;
@@ -431,7 +457,7 @@ std::string volume_constants(const OrificeVolume& v) {
   const auto flow = [](double p, double n) { return std::pow(p + kLaminar, n) - std::pow(kLaminar, n); };
   const double n = v.exponent, reference = v.reference_psi;
   const double drop = std::max(v.supply_psi - reference, 1.0);
-  const double slope = n * std::pow(reference + kLaminar, n - 1) + flow(reference, n) * n / drop;
+  const double slope = n * std::pow(reference + kLaminar, n - 1) + flow(reference, n) * 0.5 / drop;
   const double drain = v.drain_excess_exponent != 0 ? std::max(n + v.drain_excess_exponent, 0.05) : n;
   const double highest = v.highest_psi > 0 ? v.highest_psi : 2 * reference;
   return c_define("SUPPLY", v.supply_psi) + c_define("EXPONENT", n) + c_define("DRAIN_EXPONENT", drain) +
@@ -444,16 +470,16 @@ std::string volume_constants(const OrificeVolume& v) {
 }
 
 /// A sliding spool's, as core/model/spool_friction.cpp derives them.
-std::string spool_constants(const ValveDynamics& spool, const SpoolFriction& friction, double sample_period_s) {
-  const int substeps = sliding_substeps(spool, sample_period_s);
+std::string spool_constants(const ValveDynamics& spool, const SpoolFriction& friction, double period_s) {
+  const int substeps = sliding_substeps(spool, period_s);
   const double lag_s = spool.lag_s.empty() ? 0 : spool.lag_s.front();
-  const double delay = spool.delay_s / sample_period_s;
+  const double delay = spool.delay_s / period_s;
   return fmt::format("#define SUBSTEPS {}\n#define INTERVALS {}\n", substeps, static_cast<long>(delay) + 2) +
          c_define("SPOOL_DELAY", delay) + c_define("NATURAL", spool.natural_frequency_rad_s) +
          c_define("DAMPING", spool.damping_ratio) + c_define("BREAKAWAY", friction.breakaway_a) +
          c_define("KINETIC", std::min(friction.kinetic_a, friction.breakaway_a)) +
          c_define("STRIBECK", friction.stribeck_a_per_s) +
-         c_define("HALF_WAY", lag_s > 0 ? -std::expm1(-0.5 * sample_period_s / substeps / lag_s) : 1);
+         c_define("HALF_WAY", lag_s > 0 ? -std::expm1(-0.5 * period_s / substeps / lag_s) : 1);
 }
 
 std::string law_function(std::string_view name, std::string_view extra, const std::string& code) {
@@ -469,7 +495,8 @@ Result<std::string> to_c(const Model& given, double sample_period_s) {
   const auto model = with_reshaped_blocks(given);
   if (!model) return tl::unexpected(model.error());
   if (auto checked = check(*model); !checked) return tl::unexpected(checked.error());
-  const auto filter = sampled_dynamics(model->dynamics, sample_period_s);
+  const double inner_period_s = sample_period_s / static_cast<double>(runs_per_sample(*model));
+  const auto filter = sampled_dynamics(model->dynamics, inner_period_s);
   if (!filter) return tl::unexpected(filter.error());
 
   const ChainForm& chain = filter->chain();
@@ -492,15 +519,16 @@ Result<std::string> to_c(const Model& given, double sample_period_s) {
               .side = "deviation of the side channel from its mean; 0 where the model has none",
               .input_noise = "is the standard deviation of the noise on\n * the input, 0 for a command",
               .more = ""});
-  text += c_define("T", sample_period_s) + fmt::format("#define ORDER {}\n#define COLUMNS {}\n#define DELAY {}\n",
-                                                       filter->order(), chain.input.cols(), filter->delay_samples());
+  text += c_define("T", sample_period_s) + c_define("H", inner_period_s) +
+          fmt::format("#define HAS_VOLUME {}\n#define ORDER {}\n#define COLUMNS {}\n#define DELAY {}\n",
+                      model->volume ? 1 : 0, filter->order(), chain.input.cols(), filter->delay_samples());
   text += c_define("INPUT_OFFSET", given.input_offset) + c_define("OUTPUT_OFFSET", given.output_offset);
   text += c_define("R", std::abs(rise)) + c_define("MIDDLE", 0.5 * (low_a + high_a)) + c_define("REST", low_a) +
           c_define("SECANT", is_valve ? rise / (high_a - low_a) : gain);
   text += c_define("LOOP_WIDTH", model->loop ? model->loop->width_a : 0);
   if (model->volume) text += volume_constants(*model->volume);
   const bool slides = is_valve && model->friction;
-  if (slides) text += spool_constants(*to_valve_dynamics(model->dynamics), *model->friction, sample_period_s);
+  if (slides) text += spool_constants(*to_valve_dynamics(model->dynamics), *model->friction, inner_period_s);
   const std::vector<double> direct(chain.direct.begin(), chain.direct.end());
   text += c_array("diagonal", chain.diagonal) + c_array("lower", chain.lower) + c_array("input_row", rows) +
           fmt::format("static const double direct[4] = {{{}}};\n", c_numbers(direct)) + c_array("at_rest", rest.x) +
@@ -514,7 +542,7 @@ Result<std::string> to_c(const Model& given, double sample_period_s) {
   const CLaws input = laws_at(*model, Place::kInput), position = laws_at(*model, Place::kPosition),
               steady = laws_at(*model, Place::kSteady), output = laws_at(*model, Place::kOutput);
   text +=
-      "\ntypedef struct {\n  size_t samples;\n  double input, driver, force_driver, loop_driver, noise, start, "
+      "\ntypedef struct {\n  size_t samples, runs;\n  double input, driver, force_driver, loop_driver, noise, start, "
       "held_back, stop[4];\n"
       "  double x[ORDER + 1], u_before, rise_before;\n#if DELAY > 0\n  double late_start[DELAY], late_rise[DELAY];\n"
       "  size_t oldest;\n#endif\n  double steady, pressure;\n" +
@@ -533,11 +561,10 @@ Result<std::string> to_c(const Model& given, double sample_period_s) {
   text += law_function("output_laws", "int is_first, double side",
                        begin + std::string("  (void)side;\n") + (is_valve ? "" : steady.code) + output.code);
   text += is_valve ? kMap : "\nstatic double steady_output(double x) { return x; }\n";
-  text += model->volume
-              ? kVolume
-              : "\nstatic double volume_settled(double steady) { return steady; }\n"
-                "static double volume_advance(double p, double before, double steady) {\n  (void)p;\n  (void)before;\n"
-                "  return steady;\n}\n";
+  text += model->volume ? kVolume
+                        : "\nstatic double volume_settled(double steady) { return steady; }\n"
+                          "static double volume_advance(double p, double before, double half_way, double steady) {\n"
+                          "  (void)p;\n  (void)before;\n  (void)half_way;\n  return steady;\n}\n";
   text += kLoop;
   text += kFilter;
   text += slides ? kSlidingSpool : kFreeSpool;

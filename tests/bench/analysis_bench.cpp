@@ -42,16 +42,9 @@ Reference learned_reference() {
 }
 
 /// The least that any analysis has to do: run the valve's equations once over every recording.
-void run_once(const test::MadeValve& valve, const std::vector<Recording>& recordings, std::vector<double>& y) {
-  const MagneticLoop loop = loop_of(valve.parameters, {});
+void run_once(const test::MadeValve& valve, const std::vector<Recording>& recordings) {
   for (const Recording& recording : recordings) {
-    y.resize(recording.samples());
-    const IntervalSignal input = input_between_samples(recording);
-    SampledValveDynamics(valve.parameters.spool, recording.sample_period_s)
-        .run(loop.apply(input, loop_driver(input, loop_gate(input))), y);
-    for (double& value : y) value = valve.map(value);
-    run_volume(valve.parameters.volume, recording.sample_period_s, y.front(), y, y);
-    benchmark::DoNotOptimize(y.data());
+    benchmark::DoNotOptimize(test::pressure_of(valve, input_between_samples(recording), recording.sample_period_s));
   }
 }
 
@@ -64,11 +57,10 @@ void analysis_of_a_session(benchmark::State& state) {
   std::size_t samples = 0;
   for (const Recording& recording : recordings) samples += recording.samples();
   if (samples != kSamples) std::abort();
-  std::vector<double> y;
   double floor_total = 0, total = 0;
   for (auto _ : state) {
     double start = processor_seconds();
-    run_once(slow, recordings, y);
+    run_once(slow, recordings);
     floor_total += processor_seconds() - start;
     start = processor_seconds();
     auto analysis = analyze(recordings, options);

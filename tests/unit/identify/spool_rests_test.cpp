@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "tests/unit/identify/valves.h"
+#include "tests/unit/model/half_way.h"
 
 namespace valvetriage {
 namespace {
@@ -21,10 +22,12 @@ struct Stairs {
 
   explicit Stairs(double noise_psi = kNoise_psi) {
     for (std::size_t i = 0; i < 3000; ++i) position.push_back(1.1 + 0.05 * static_cast<double>(i / 200));
-    std::vector<double>& y = recording.output.values;
-    for (const double x : position) y.push_back(valve.map(x));
+    std::vector<double> steady;
+    for (const double x : position) steady.push_back(valve.map(x));
     recording.sample_period_s = 0.005;
-    run_volume(valve.parameters.volume, recording.sample_period_s, y.front(), y, y);
+    std::vector<double>& y = recording.output.values;
+    y.resize(steady.size());
+    run_volume(valve.parameters.volume, recording.sample_period_s, steady.front(), test::straight_between(steady), y);
     std::mt19937 random(4);
     std::normal_distribution<double> normal;
     for (double& sample : y) sample += noise_psi * normal(random);

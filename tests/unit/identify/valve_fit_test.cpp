@@ -146,19 +146,27 @@ TEST(ValveFit, ASpoolThatSticksIsFittedAcrossTheJumpsOfItsFreeRuns) {
     ASSERT_TRUE(with && without);
     for (std::size_t i = 0; i < recording.samples(); ++i) recording.output.values[i] += (*with)[i] - (*without)[i];
   }
-  const LawInFit law{.law = find_mechanism("friction"),
-                     .start = {0.024, 0.0155, 0.3},
-                     .lower = {0, 0, 0.01},
-                     .upper = {0.5, 0.5, 40},
-                     .step = {1e-4, 1e-4, 1e-3}};
-  const ValveFitOptions options{.knots = knots, .reference_psi = 105, .laws = {law}};
-  const ValveFitProblem problem(recordings, options);
-  const Eigen::VectorXd start = problem.start_vector(valve.parameters);
-  const Descent found = descend(problem, start, 40);
-  Descent narrow = descent_from(problem, start);
-  narrow.width = 1;
-  narrow = descend_on(problem, std::move(narrow), 40);
-  EXPECT_LT(found.cost, 0.5 * narrow.cost);
+  double samples = 0, by_wide = 0, by_narrow = 0;
+  for (const Recording& recording : recordings) samples += static_cast<double>(recording.samples());
+  for (const double off : {0.8, 0.9, 1.2}) {
+    const LawInFit law{.law = find_mechanism("friction"),
+                       .start = {off * 0.020, off * 0.013, 0.3},
+                       .lower = {0, 0, 0.01},
+                       .upper = {0.5, 0.5, 40},
+                       .step = {1e-4, 1e-4, 1e-3}};
+    const ValveFitOptions options{.knots = knots, .reference_psi = 105, .laws = {law}};
+    const ValveFitProblem problem(recordings, options);
+    const Eigen::VectorXd start = problem.start_vector(valve.parameters);
+    const Descent found = descend(problem, start, 40);
+    Descent narrow = descent_from(problem, start);
+    narrow.width = 1;
+    narrow = descend_on(problem, std::move(narrow), 40);
+    EXPECT_LT(found.cost, 1.1 * samples) << off;  // little more than the noise
+    by_wide += found.cost;
+    by_narrow += narrow.cost;
+  }
+  // Where narrow differences end depends on the start; from one or the other they leave twice as much.
+  EXPECT_LT(by_wide, 0.5 * by_narrow);
 }
 
 TEST(ValveFit, WhereAParameterEndsAtItsBoundTheOthersStillReachTheirBest) {

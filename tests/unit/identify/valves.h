@@ -27,6 +27,19 @@ struct MadeValve {
   }
 };
 
+/// The pressure that the valve's equations give under an input.
+inline std::vector<double> pressure_of(const MadeValve& valve, const IntervalSignal& between_samples,
+                                       double sample_period_s) {
+  const IntervalSignal input = halved(between_samples);
+  const MagneticLoop loop = loop_of(valve.parameters, valve.usual);
+  std::vector<double> steady(input.start.size()), pressure(between_samples.start.size());
+  SampledValveDynamics(valve.parameters.spool, 0.5 * sample_period_s)
+      .run(loop.apply(input, loop_driver(input, loop_gate(input))), steady);
+  for (double& x : steady) x = valve.map(x);
+  run_volume(valve.parameters.volume, sample_period_s, steady.front(), steady, pressure);
+  return pressure;
+}
+
 inline Recording played(const MadeValve& valve, TestKind test, const std::vector<double>& current,
                         std::vector<Segment> segments, double noise, unsigned seed) {
   Recording recording;
@@ -39,12 +52,8 @@ inline Recording played(const MadeValve& valve, TestKind test, const std::vector
   recording.segments = std::move(segments);
   recording.output.values.resize(current.size());
   for (std::size_t i = 0; i < current.size(); ++i) recording.time_s.push_back(static_cast<double>(i) * 0.005);
-  const IntervalSignal input = input_between_samples(recording);
-  const MagneticLoop loop = loop_of(valve.parameters, valve.usual);
   std::vector<double>& y = recording.output.values;
-  SampledValveDynamics(valve.parameters.spool, 0.005).run(loop.apply(input, loop_driver(input, loop_gate(input))), y);
-  for (double& v : y) v = valve.map(v);
-  run_volume(valve.parameters.volume, 0.005, y.front(), y, y);
+  y = pressure_of(valve, input_between_samples(recording), 0.005);
   std::mt19937 random(seed);
   std::normal_distribution<double> normal;
   for (double& sample : y) sample += noise * normal(random);

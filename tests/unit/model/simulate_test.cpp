@@ -52,6 +52,34 @@ TEST(Simulate, SendsTheInputThroughTheMapBehindTheDynamics) {
   EXPECT_NEAR(y->back(), 26, 1e-9);
 }
 
+TEST(Simulate, AValveAnswersAStepAlikeAtWhateverRateItIsSampled) {
+  // A spool of 235 rad/s turns within a sample of 200 Hz; the pressure behind it is that of a run eight times as fine.
+  Model m;
+  m.kind = "valve";
+  m.dynamics = to_transfer_function({.delay_s = 0.0055, .natural_frequency_rad_s = 235, .damping_ratio = 0.86});
+  m.map = StaticMap{.input = {1.0, 1.2, 1.4, 1.6, 1.8, 2.0}, .output = {1, 3.1, 26, 120, 160, 210}};
+  m.volume = OrificeVolume{.time_constant_s = 0.07, .exponent = 0.55, .supply_psi = 300, .reference_psi = 105};
+  constexpr std::size_t kFiner = 8;
+  const auto answer = [&](std::size_t finer) {
+    Recording r = steps();
+    r.sample_period_s /= static_cast<double>(finer);
+    r.input.values.assign(400 * finer, 1.2);
+    std::fill(r.input.values.begin() + static_cast<std::ptrdiff_t>(100 * finer), r.input.values.end(), 1.6);
+    r.output.values.assign(400 * finer, 0);
+    r.segments = {
+        {.kind = SegmentKind::kHold, .begin = 0, .end = 100 * finer, .level = 1.2},
+        {.kind = SegmentKind::kStep, .begin = 100 * finer, .end = 400 * finer, .level = 1.6, .from_level = 1.2}};
+    return simulate(m, r, {});
+  };
+  const auto coarse = answer(1), fine = answer(kFiner);
+  ASSERT_TRUE(coarse && fine);
+  double largest = 0;
+  for (std::size_t i = 0; i < coarse->size(); ++i) {
+    largest = std::max(largest, std::abs((*coarse)[i] - (*fine)[i * kFiner]));
+  }
+  EXPECT_LT(largest, 0.35);  // the noise of a stand; a straight line between samples errs by twice that
+}
+
 TEST(Simulate, TakesTheInitialStateFromTheFirstMeasuredOutputs) {
   // The same second-order system from a state that is not steady: its free response is found again from 20 samples.
   Model m = lag_model(0.1);
