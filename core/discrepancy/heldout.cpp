@@ -47,6 +47,19 @@ std::vector<Fold> folds_of(const std::vector<ValveFitProblem::Rows>& rows, bool 
   return folds;
 }
 
+/// Measured − simulated of a vector on a fold.
+VectorXd errors_on(const ValveFitProblem& problem, const VectorXd& v, const Fold& fold,
+                   const ValveFitProblem::Rows& rows) {
+  const std::vector<double> simulated = problem.simulate(v, fold.recording);
+  const Recording& recording = problem.recording(fold.recording);
+  VectorXd errors(fold.count);
+  for (Index i = 0; i < fold.count; ++i) {
+    const std::size_t at = rows.sample[static_cast<std::size_t>(fold.first + i)];
+    errors(i) = recording.output.values[at] - simulated[at];
+  }
+  return errors;
+}
+
 /// An explanation with its rows, ready to be fitted without any of them.
 class Refit {
  public:
@@ -59,6 +72,8 @@ class Refit {
     }
     problem.add_penalty(explanation.v, normal_);
     is_rough_ = problem.width_at(explanation.v) > 1;
+    turns_ = std::any_of(explanation.laws.begin(), explanation.laws.end(),
+                         [](const LawFit& law) { return law.law.law->cause == "self_oscillation"; });
   }
 
   const std::vector<ValveFitProblem::Rows>& rows() const { return rows_; }
@@ -85,6 +100,7 @@ class Refit {
       if (is_whole(fold)) moved.segment(problem.own_at(fold.recording), problem.own()).setZero();
       squares += rows_[fold.recording].error.segment(fold.first, fold.count).squaredNorm();
     }
+    if (turns_) return as_far_as_it_lowers(moved, folds);
     const double change = step.dot(a * step) - 2 * b.dot(step);
     const double kept = explanation_.cost - static_cast<double>(problem.stride()) * squares + change;
     return {problem.clamped(explanation_.v + moved), kept};
@@ -92,6 +108,23 @@ class Refit {
 
  private:
   bool is_whole(const Fold& fold) const { return fold.count == rows_[fold.recording].error.size(); }
+
+  /// A phase that turns with the level is linear for a fraction of a turn only: a whole step may lead past the minimum.
+  Without as_far_as_it_lowers(const VectorXd& step, std::span<const Fold> folds) const {
+    const ValveFitProblem& problem = *explanation_.problem;
+    Without best;
+    for (const double share : {1.0, 0.5, 0.25, 0.125}) {
+      Without tried{problem.clamped(explanation_.v + share * step)};
+      tried.cost = problem.cost(tried.v);
+      for (const Fold& fold : folds) {
+        tried.cost -= static_cast<double>(problem.stride()) * problem.inverse_variance(fold.recording) *
+                      errors_on(problem, tried.v, fold, rows_[fold.recording]).squaredNorm();
+      }
+      if (share < 1 && !(tried.cost < best.cost)) break;
+      best = std::move(tried);
+    }
+    return best;
+  }
 
   /// Where the cost is rough one linear step is no refit: down again from where the whole fit ended.
   Without searched_without(std::size_t recording) const {
@@ -141,21 +174,8 @@ class Refit {
   const Explanation& explanation_;
   std::vector<ValveFitProblem::Rows> rows_;
   ValveFitProblem::Normal normal_;
-  bool is_rough_ = false;
+  bool is_rough_ = false, turns_ = false;
 };
-
-/// Measured − simulated of a vector on a fold.
-VectorXd errors_on(const ValveFitProblem& problem, const VectorXd& v, const Fold& fold,
-                   const ValveFitProblem::Rows& rows) {
-  const std::vector<double> simulated = problem.simulate(v, fold.recording);
-  const Recording& recording = problem.recording(fold.recording);
-  VectorXd errors(fold.count);
-  for (Index i = 0; i < fold.count; ++i) {
-    const std::size_t at = rows.sample[static_cast<std::size_t>(fold.first + i)];
-    errors(i) = recording.output.values[at] - simulated[at];
-  }
-  return errors;
-}
 
 /// Squared errors of baseline and explanation on folds that took no part in either's fit.
 struct Compared {
