@@ -4,6 +4,7 @@
 #include <array>
 #include <boost/math/distributions/chi_squared.hpp>
 #include <boost/math/distributions/fisher_f.hpp>
+#include <boost/math/distributions/normal.hpp>
 #include <boost/math/distributions/students_t.hpp>
 #include <cmath>
 #include <limits>
@@ -136,6 +137,18 @@ double good_valve_p_value(const Evidence& evidence, Index freedoms, double noise
   const boost::math::fisher_f population(own, own * good.valves);
   const double by_spread = boost::math::cdf(boost::math::complement(population, beyond_noise / (1 + spread)));
   return std::max(by_noise, by_spread);
+}
+
+double odds_at_unknown_size(double p_value) {
+  constexpr double kSmallest = 0.5, kLargest = 50;
+  constexpr int kSteps = 200;
+  constexpr double kLeast_p = 1e-12;
+  const double p = std::clamp(p_value, kLeast_p, 0.5);
+  const double z = boost::math::quantile(boost::math::complement(boost::math::normal(), p));
+  const double ratio = std::pow(kLargest / kSmallest, 1.0 / kSteps);
+  double sum = 0, size = kSmallest * std::sqrt(ratio);
+  for (int i = 0; i < kSteps; ++i, size *= ratio) sum += std::exp(size * (z - 0.5 * size));
+  return sum / kSteps;
 }
 
 double size_p_value(double size_from_none, double mean_from_none, double sd, double error, int good_valves) {

@@ -85,6 +85,12 @@ struct GoodValveEvidence {
 double good_valve_p_value(const Evidence& evidence, Eigen::Index freedoms, double noise_reduction,
                           const GoodValveEvidence& good);
 
+/// Odds of an effect of unknown size to none where a good valve seems to have as much of it with a probability p: the
+/// mean, over sizes δ from half to fifty deviations of what good valves show, of e^(zδ − δ²/2) with z = Φ⁻¹(1 − p),
+/// 0 at the least. Sizes of faults are spread evenly over decades, and most of a decade lies below what a test can see:
+/// 0.2 where nothing is seen, not 0.
+double odds_at_unknown_size(double p_value);
+
 /// The same by the size of the effect, where good valves have a mean size: Student's t of
 /// (size − mean) / √(sd² (1 + 1/n) + error²), the error of the size known, sd from n valves.
 ///

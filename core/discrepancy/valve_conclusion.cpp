@@ -39,6 +39,9 @@ constexpr double kCertainLine = 1e-6;
 constexpr double kLeastOfALine = 0.01;
 // A cause that the prior carries, a delay or a gain, neither helps nor harms held-out recordings: this much by chance.
 constexpr double kMostHarm = 0.01;
+// Before its tests a returned valve is as likely to have a fault as to have none: half of all warranty returns show
+// no fault that can be found.
+constexpr double kOddsOfAFault = 1;
 // Of a name whose extension leaves too much: as likely as not.
 constexpr double kUnexplainedName = 0.5;
 constexpr double kTwoSided95 = 1.96;
@@ -150,18 +153,21 @@ struct Grounds {
   std::size_t parameters_of(std::size_t l) const { return explanation().laws[l].law.law->parameters.size(); }
 };
 
-/// Puts the 95 % interval of a fitted parameter around its estimate: from the profile of the cost, and `between`, what
-/// its reading as a property of this valve alone is uncertain by.
+/// Puts the 95 % interval of a fitted parameter around its estimate: from the profile of the cost, `between`, what its
+/// reading as a property of this valve alone is uncertain by, and what its law leaves out.
 void add_interval(const Grounds& grounds, std::size_t l, std::size_t parameter, double between,
                   ParameterEstimate& estimate) {
   const Explanation& explanation = grounds.explanation();
+  const double law_uncertainty = explanation.laws[l].law.law->parameters[parameter].law_uncertainty;
   const Eigen::Index entry = explanation.problem->law_entry(l, parameter, 0);
   for (const int side : {-1, 1}) {
     double width = kTwoSided95 * estimate.std_error;
     if (width > 0) {
       width = profiled_width(explanation, entry, side * width, kTwoSided95 * kTwoSided95 * grounds.inflation);
     }
-    estimate.ci95[side < 0 ? 0 : 1] = estimate.value + side * std::hypot(width, between);
+    // Of a law's own uncertainty: as many times more as less.
+    const double by_law = estimate.value * std::expm1(side * kTwoSided95 * law_uncertainty);
+    estimate.ci95[side < 0 ? 0 : 1] = estimate.value + side * std::hypot(width, between, by_law);
   }
 }
 
@@ -376,14 +382,24 @@ std::vector<Candidate> candidates_of(const Grounds& grounds, const Discrepancy& 
   const std::size_t laws = searched.explanation.laws.size();
   const std::vector<Ranked> unranked;
   const auto& ranked = laws == 0 ? searched.first.ranked : laws == 1 ? searched.places.front().ranked : unranked;
+  // Where nothing is found, how much of the doubt is whose: a fault too small for these tests is still one.
+  std::map<std::string, double> too_small;
+  double odds_of_any = 0;
+  if (is_none) {
+    for (const Tested& tested : searched.first.survey.tested) {
+      const double share = 1.0 / static_cast<double>(searched.first.survey.tested.size());
+      odds_of_any += too_small[tested.cause()] = kOddsOfAFault * share * odds_at_unknown_size(tested.p_value);
+    }
+  }
   std::vector<Candidate> candidates;
   candidates.push_back({.cause = "none",
-                        .probability = is_none ? 1.0 : 0.0,
+                        .probability = is_none ? 1 / (1 + odds_of_any) : 0.0,
                         .rmse_heldout = discrepancy.gain.rmse_baseline,
                         .reason = is_none ? "nothing beyond what good valves leave"
                                           : "the simulation leaves more than any good valve would"});
   for (const Tested& tested : searched.first.survey.tested) {
     Candidate candidate{.cause = tested.cause(), .rmse_heldout = kUnknown};
+    if (is_none) candidate.probability = too_small[tested.cause()] / (1 + odds_of_any);
     candidate.reason = fmt::format("evidence {:.1f} of {:.1f} promised, noise alone {:.1f}, in a good valve p {:.2g}",
                                    tested.evidence.value, tested.promise.value, tested.noise_reduction, tested.p_value);
     if (laws == 1 && candidate.cause == discrepancy.causes.front().cause) {

@@ -33,6 +33,9 @@ struct MechanismParameter {
   std::string_view meaning;
   /// Value where a document does not give one; NaN: it must.
   double otherwise = std::numeric_limits<double>::quiet_NaN();
+  /// Relative standard uncertainty of the value as a property of the machine, however well the law's own is known: what
+  /// the law leaves out moves it (type B of the Guide to the Expression of Uncertainty in Measurement, JCGM 100:2008).
+  double law_uncertainty = 0;
 };
 
 /// What the bounds of a parameter depend on: the recordings at hand.

@@ -17,7 +17,12 @@
 namespace valvetriage {
 namespace {
 
-constexpr std::array<MechanismParameter, 1> kParameters{{{"exponent", "", "of the outflow over the pressure drop"}}};
+// One power stands for every orifice on the way out, a good valve's too.
+constexpr double kUncertainty = 0.05;
+constexpr std::array<MechanismParameter, 1> kParameters{{{.name = "exponent",
+                                                          .unit = "",
+                                                          .meaning = "of the outflow over the pressure drop",
+                                                          .law_uncertainty = kUncertainty}}};
 constexpr std::array<std::string_view, 3> kConfusedWith{"static_curve", "leakage", "gain_loss"};
 
 MechanismBounds bounds(const MechanismScales&) {

@@ -17,8 +17,13 @@
 namespace valvetriage {
 namespace {
 
-constexpr std::array<MechanismParameter, 1> kParameters{
-    {{"limit_A_per_s", "A/s", "fastest motion, as the input that would hold it"}}};
+// A limit shares the time of a motion with the lags around it, and which of them it replaces is not known: a driver's
+// slew ahead of the spool reads lower than it is by a third to a half.
+constexpr double kUncertainty = 0.3;
+constexpr std::array<MechanismParameter, 1> kParameters{{{.name = "limit_A_per_s",
+                                                          .unit = "A/s",
+                                                          .meaning = "fastest motion, as the input that would hold it",
+                                                          .law_uncertainty = kUncertainty}}};
 constexpr std::array<std::string_view, 3> kConfusedWith{"extra_lag", "transport_delay", "asymmetric_response"};
 
 MechanismBounds bounds(const MechanismScales& scales) {

@@ -148,6 +148,14 @@ TEST(Evidence, ASearchOverManyStartsIsPaidFor) {
   EXPECT_LT(good_valve_p_value(Evidence{14}, 2, 2, {.mean = 0, .valves = 8}), 0.01);
 }
 
+TEST(Evidence, WhereNothingIsSeenAFaultTooSmallToSeeKeepsItsOdds) {
+  EXPECT_NEAR(odds_at_unknown_size(1), 0.18, 0.01);  // E₁(1/8) / (2 ln 100)
+  EXPECT_EQ(odds_at_unknown_size(1), odds_at_unknown_size(0.5));
+  EXPECT_NEAR(odds_at_unknown_size(0.023), 2.3, 0.3);  // two deviations
+  EXPECT_GT(odds_at_unknown_size(1e-5), 100);
+  EXPECT_TRUE(std::isfinite(odds_at_unknown_size(0)));
+}
+
 TEST(Evidence, ASizeIsJudgedAgainstGoodValvesSpread) {
   // 4.8 psi where good valves lie at 0.5 ± 0.2 and the error is negligible: t of 20 with seven degrees of freedom.
   EXPECT_LT(size_p_value(4.8, 0.5, 0.2, 0.005, 8), 1e-6);
