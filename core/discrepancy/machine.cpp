@@ -124,16 +124,25 @@ struct Extension {
   std::vector<double> std_errors;
 };
 
+/// A fit of the search on the recordings from end to end, as far as those are longer than what was searched.
+Extension on_whole_records(std::span<const Recording> recordings, const MachineData& searched, const MachineFit& fit,
+                           MachineBudget& budget) {
+  Extension extension{.fit = fit, .data = searched};
+  if (!searched.windows) return extension;
+  extension.data = whole_records(recordings, searched);
+  extension.fit.starts.clear();
+  refine_starts(extension.data, extension.data.all_rows(), kLastIterations, extension.fit, budget);
+  return extension;
+}
+
 Extension extend(std::span<const Recording> recordings, const MachineData& searched, const MachineScore& winner,
                  MachineBudget& budget) {
-  Extension extension{.fit = winner.fit, .data = searched};
+  Extension extension = on_whole_records(recordings, searched, winner.fit, budget);
   if (searched.windows) {
-    extension.data = machine_data(recordings, 0, std::numeric_limits<std::size_t>::max());
-    extension.fit.starts.clear();
-    refine_starts(extension.data, extension.data.all_rows(), kLastIterations, extension.fit, budget);
     MachineFit refined = extension.fit;
     refine_machine(extension.data, extension.data.all_rows(), kLastIterations, refined, budget);
-    if (!refined.failed) extension.fit = std::move(refined);
+    // Windows tell the law; what is refitted from end to end must be closer there, or the search's own fit stands.
+    if (!refined.failed && refined.squares < extension.fit.squares) extension.fit = std::move(refined);
   }
   extension.std_errors = standard_errors(extension.data, extension.data.all_rows(), extension.fit);
   return extension;

@@ -123,7 +123,8 @@ void take_records(std::span<const Recording> recordings, std::size_t most_sample
   for (const Recording& recording : recordings) total += recording.samples() / data.stride + 1;
   for (std::size_t r = 0; r < recordings.size(); ++r) {
     const std::size_t samples = recordings[r].samples();
-    if (total <= most_samples + recordings.size()) {
+    // The last, partial stride of each recording does not count.
+    if (total - recordings.size() <= most_samples) {
       data.records.push_back(cut(recordings[r], r, 0, samples, data));
     } else if (recordings.size() == 1) {
       data.windows = true;
@@ -235,6 +236,19 @@ MachineData machine_data(std::span<const Recording> given, double allowed_rms, s
   data.period_s = recordings.front().sample_period_s * static_cast<double>(data.stride);
   take_records(recordings, most_samples, data);
   fold(data, recordings.size());
+  return data;
+}
+
+MachineData whole_records(std::span<const Recording> given, const MachineData& searched) {
+  MachineData data = searched;
+  const std::vector<Recording> changed = data.interval_means ? with_interval_means(given) : std::vector<Recording>();
+  const std::span<const Recording> recordings = data.interval_means ? std::span<const Recording>(changed) : given;
+  data.windows = false;
+  data.records.clear();
+  data.folds.clear();
+  for (std::size_t r = 0; r < recordings.size(); ++r) {
+    data.records.push_back(cut(recordings[r], r, 0, recordings[r].samples(), data));
+  }
   return data;
 }
 

@@ -56,6 +56,10 @@ inline constexpr std::size_t kMachineSearchSamples = 8000;
 /// recordings  of one sample time and at least one sample each
 MachineData machine_data(std::span<const Recording> recordings, double allowed_rms, std::size_t most_samples);
 
+/// Every recording from its first sample to its last, at the stride and scale of a search: a fit of that search runs on
+/// them as it stands, but for its starts. Without folds.
+MachineData whole_records(std::span<const Recording> recordings, const MachineData& searched);
+
 /// The same samples as a Recording in the scaled units, for identifiers that read one.
 Recording as_recording(const MachineRecord& record, double period_s);
 

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <limits>
 
 #include "core/discrepancy/machine_conclusion.h"
 #include "core/discrepancy/machine_feedback.h"
@@ -157,6 +158,36 @@ TEST(Machine, ACommandOfTwoLevelsIsHeldHoweverShortItsPulses) {
   const auto prepared = prepare_recording(std::move(raw), ColumnMapping{.time = "t", .input = "u", .output = "y"});
   ASSERT_TRUE(prepared.has_value()) << prepared.error().message;
   EXPECT_FALSE(machine_data(std::span(&*prepared, 1), kNoise, 5000).interval_means);
+}
+
+TEST(MachineData, WithoutALimitEverySampleOfALongRecordingIsTaken) {
+  const auto u = random_command(12000, 5, 71);
+  const Recording measured = recording(u, lag(u, 0.05, kPeriod_s), kPeriod_s, kNoise, 72);
+  const MachineData data = machine_data(std::span(&measured, 1), 0, std::numeric_limits<std::size_t>::max());
+  ASSERT_EQ(data.records.size(), 1U);
+  EXPECT_EQ(data.records[0].input.size(), measured.samples());
+}
+
+TEST(MachineData, WholeRecordsKeepTheStrideThatTheSearchHad) {
+  const auto u = multisine(30000, 8, 73);
+  const Recording measured = recording(u, lag(u, 5, kPeriod_s), kPeriod_s, 1e-3, 74);
+  const MachineData searched = machine_data(std::span(&measured, 1), 0.05, 2000);
+  ASSERT_GT(searched.stride, 1U);
+  const MachineData whole = whole_records(std::span(&measured, 1), searched);
+  ASSERT_EQ(whole.records.size(), 1U);
+  EXPECT_EQ(whole.period_s, searched.period_s);
+  EXPECT_EQ(whole.records[0].input.size(), (measured.samples() + whole.stride - 1) / whole.stride);
+}
+
+TEST(Machine, ALongRecordingIsExplainedFromEndToEnd) {
+  const auto u = random_command(9000, 5, 77);
+  const auto limited = each(lag(u, 0.06, kPeriod_s), [](double x) { return std::min(x, 0.4); });
+  const Recording measured = recording(u, lag(limited, 0.05, kPeriod_s), kPeriod_s, kNoise, 78);
+  const auto diagnosis = diagnosis_of(measured);
+  expect_found(diagnosis, "saturation");
+  ASSERT_FALSE(HasFatalFailure());
+  // The law has its parameters from 9,000 samples: what is left is noise.
+  EXPECT_LT(fit_figures(measured.output.values, diagnosis.extended[0], {}).rmse, 1.1 * kNoise);
 }
 
 TEST(Machine, AHardeningSpringIsFound) {
