@@ -62,11 +62,15 @@ Recording with_past_input(Recording recording) {
   return recording;
 }
 
-double pooled_noise(std::span<const Recording> recordings, const LoopSigns& loop) {
+/// Rms over all recordings; `simulated` holds the linear machine's free runs, or nothing before there are any.
+double pooled_noise(std::span<const Recording> recordings, const LoopSigns& loop,
+                    const std::vector<std::vector<double>>& simulated = {}) {
   double squares = 0, samples = 0;
-  for (const Recording& recording : recordings) {
-    const auto n = static_cast<double>(recording.samples());
-    const NoiseFloor floor = noise_floor(loop.integrating_controller ? with_past_input(recording) : recording);
+  for (std::size_t r = 0; r < recordings.size(); ++r) {
+    const auto n = static_cast<double>(recordings[r].samples());
+    const Recording& recording = recordings[r];
+    const std::span<const double> run = simulated.empty() ? std::span<const double>() : simulated[r];
+    const NoiseFloor floor = noise_floor(loop.integrating_controller ? with_past_input(recording) : recording, run);
     squares += std::pow(floor.rms, 2) * n;
     samples += n;
   }
@@ -160,6 +164,15 @@ std::vector<double> on_grid(const Extension& extension, std::size_t record, std:
     out[t] = data.output_mean + data.output_scale * (y[left] + share * (y[right] - y[left]));
   }
   return out;
+}
+
+/// The linear machine's free runs, from end to end.
+std::vector<std::vector<double>> linear_runs(std::span<const Recording> recordings, const MachineData& data,
+                                             const MachineSearch& search, MachineBudget& budget) {
+  const Extension linear = on_whole_records(recordings, data, search.linear.fit, budget);
+  std::vector<std::vector<double>> runs;
+  for (std::size_t r = 0; r < recordings.size(); ++r) runs.push_back(on_grid(linear, r, recordings[r].samples()));
+  return runs;
 }
 
 /// The cause as the table of laws writes it; what the chain has no figure for takes the law's own default, or nothing.
@@ -339,10 +352,10 @@ Result<MachineDiagnosis> diagnose_machine(std::span<const Recording> recordings,
   }
   const LoopSigns loop = loop_signs(recordings);
   const bool feedback = loop.input_follows_output || loop.integrating_controller;
-  const double noise = pooled_noise(recordings, loop);
-  const double allowed = std::max(0.01 * kDecimationShare * spread, noise);
+  const double allowed = std::max(0.01 * kDecimationShare * spread, pooled_noise(recordings, loop));
   const MachineData data = machine_data(recordings, allowed, options.most_samples);
   const MachineSearch search = search_machines(data, ground_of(recordings, data, loop), budget);
+  const double noise = pooled_noise(recordings, loop, linear_runs(recordings, data, search, budget));
   const double scale = data.output_scale;
   MachineVerdict verdict = conclude(search, data, noise / scale, feedback);
 

@@ -12,6 +12,12 @@ namespace {
 // A hold's settled part: its last 40 %, long enough that a line leaves a usable mean square.
 constexpr double kSettledShare = 0.4;
 constexpr std::size_t kFewestSettledSamples = 40;
+// Of what is measured in a hold, both about their lines: nine tenths of its mean square are then noise.
+constexpr double kStillMoving = 1.0 / 3;
+constexpr std::size_t kFewestHolds = 4;
+constexpr double kCorrelationTimes = 9;  // in a hold's settled part: then a line takes little of the noise
+// Upper over lower quartile of the holds' mean squares: 2.5 for five independent samples in each, 3.4 for three.
+constexpr double kStationarySpread = 4;
 constexpr double kMadToSigma = 1.4826;  // of a normal distribution
 
 double median_of(std::vector<double>& values) {
@@ -20,20 +26,27 @@ double median_of(std::vector<double>& values) {
   return *middle;
 }
 
+bool is_stationary(std::vector<double> mean_squares) {
+  if (mean_squares.size() < kFewestHolds) return false;
+  std::sort(mean_squares.begin(), mean_squares.end());
+  const std::size_t quarter = mean_squares.size() / 4;
+  return mean_squares[mean_squares.size() - 1 - quarter] <= kStationarySpread * mean_squares[quarter];
+}
+
 struct HoldNoise {
   double mean_square = 0;
   std::size_t samples = 0;
 };
 
-/// Mean square about the straight line through valid samples of [begin, end).
-HoldNoise noise_about_line(const Recording& recording, std::size_t begin, std::size_t end) {
+/// Mean square of values about the straight line through the recording's valid samples of [begin, end).
+HoldNoise about_line(std::span<const double> values, const Recording& recording, std::size_t begin, std::size_t end) {
   double n = 0, st = 0, sy = 0, stt = 0, sty = 0, syy = 0;
   const double middle = 0.5 * static_cast<double>(begin + end);
-  const double origin = recording.output.values[begin];
+  const double origin = values[begin];
   for (std::size_t i = begin; i < end; ++i) {
     if (!recording.is_valid(i)) continue;
     const double t = static_cast<double>(i) - middle;
-    const double y = recording.output.values[i] - origin;
+    const double y = values[i] - origin;
     n += 1;
     st += t;
     sy += y;
@@ -109,28 +122,50 @@ double from_prediction(const Recording& recording) {
 }  // namespace
 
 NoiseFloor noise_floor(const Recording& recording) {
+  return noise_floor(recording, {});
+}
+
+NoiseFloor noise_floor(const Recording& recording, std::span<const double> simulated) {
   NoiseFloor floor;
   std::vector<double> mean_squares;
   for (const Segment& segment : recording.segments) {
     if (segment.kind != SegmentKind::kHold && segment.kind != SegmentKind::kStep) continue;
     const std::size_t length = segment.end - segment.begin;
     const auto settled = static_cast<std::size_t>(kSettledShare * static_cast<double>(length));
-    const HoldNoise noise = noise_about_line(recording, segment.end - settled, segment.end);
+    const std::size_t begin = segment.end - settled;
+    const HoldNoise noise = about_line(recording.output.values, recording, begin, segment.end);
     if (noise.samples == 0) continue;
+    if (!simulated.empty()) {
+      const double moves = about_line(simulated, recording, begin, segment.end).mean_square;
+      if (moves > kStillMoving * kStillMoving * noise.mean_square) continue;
+    }
     mean_squares.push_back(noise.mean_square);
     floor.samples += noise.samples;
   }
   const double resolution = smallest_step(recording) / std::sqrt(12.0);
-  if (!mean_squares.empty()) {
+  const double holds = mean_squares.empty() ? std::numeric_limits<double>::infinity() : std::sqrt(median_of(mean_squares));
+  if (!mean_squares.empty() && simulated.empty()) {
     floor.method = NoiseFloorMethod::kHolds;
-    floor.rms = std::max(std::sqrt(median_of(mean_squares)), resolution);
+    floor.rms = std::max(holds, resolution);
     return floor;
   }
   const double differences = from_differences(recording);
   const double prediction = from_prediction(recording);
+  double most = std::min(differences, prediction);
+  if (is_stationary(mean_squares)) {
+    // Noise whose memory of τ samples fits a hold's settled part kCorrelationTimes over is √(τ/2) times what it brings
+    // anew with each sample, which is what a prediction leaves; a machine that rings brings nothing anew.
+    const double settled = static_cast<double>(floor.samples) / static_cast<double>(mean_squares.size());
+    most *= std::max(1.0, std::sqrt(settled / kCorrelationTimes / 2));
+  }
+  if (holds < most) {
+    floor.method = NoiseFloorMethod::kHolds;
+    floor.rms = std::max(holds, resolution);
+    return floor;
+  }
   floor.method = prediction < differences ? NoiseFloorMethod::kPrediction : NoiseFloorMethod::kDifferences;
   floor.samples = recording.samples();
-  floor.rms = std::max(std::min(differences, prediction), resolution);
+  floor.rms = std::max(most, resolution);
   return floor;
 }
 

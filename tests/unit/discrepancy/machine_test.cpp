@@ -210,6 +210,14 @@ TEST(Machine, AOneSidedLimitBetweenTwoLagsIsASaturation) {
   EXPECT_NEAR(parameter(diagnosis.discrepancy.causes[0], "level_psi"), 0.5, 0.05);
 }
 
+TEST(Machine, ADampingThatGrowsWithTheSpeedIsNoCertainHysteresis) {
+  const auto u = random_command(2000, 40, 89);
+  const Oscillator damped{
+      .omega = 5, .zeta = 0.05, .force = [](double y, double v) { return y + 0.03 * v * std::abs(v); }};
+  const Discrepancy d = diagnosis_of(recording(u, damped.run(u, kPeriod_s), kPeriod_s, kNoise, 90)).discrepancy;
+  EXPECT_NE(d.conclusion, Conclusion::kNamed);
+}
+
 TEST(Machine, AReadingThatOnlyKnowsMagnitudesIsARectifiedSensor) {
   const auto u = random_command(kSamples, 25, 13);
   const auto y = each(lag(u, 0.2, kPeriod_s), [](double x) { return std::abs(x); });

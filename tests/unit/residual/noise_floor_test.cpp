@@ -34,6 +34,56 @@ TEST(NoiseFloor, SeesColouredNoiseOnHoldsWhole) {
   EXPECT_NEAR(noise_floor(recording).rms, 0.5, 0.1);
 }
 
+/// Ten steps of random height, each held for 200 samples; a mode of 1 Hz that rings for 2.5 s, sampled at 100 Hz.
+Recording ringing(double noise) {
+  constexpr std::size_t kHold = 200, kSteps = 10;
+  std::mt19937 random(3);
+  std::normal_distribution<double> normal;
+  std::uniform_real_distribution<double> level(-1, 1);
+  Recording recording;
+  recording.sample_period_s = 0.01;
+  double y = 0, v = 0;
+  for (std::size_t step = 0; step < kSteps; ++step) {
+    const double u = level(random);
+    for (std::size_t i = 0; i < kHold; ++i) {
+      recording.time_s.push_back(0.01 * static_cast<double>(recording.time_s.size()));
+      recording.input.values.push_back(u);
+      recording.output.values.push_back(y + noise * normal(random));
+      for (int sub = 0; sub < 100; ++sub) {
+        v += 1e-4 * (39.5 * (u - y) - 0.8 * v);
+        y += 1e-4 * v;
+      }
+    }
+    recording.segments.push_back(
+        {.kind = SegmentKind::kStep, .begin = step * kHold, .end = (step + 1) * kHold, .level = u});
+  }
+  return recording;
+}
+
+TEST(NoiseFloor, OfAMachineThatRingsFromStepToStepIsNotItsRinging) {
+  const Recording recording = ringing(0.01), still = ringing(0);
+  EXPECT_GT(noise_floor(recording).rms, 0.05);
+  // A one-step prediction from eight noisy samples leaves up to half as much again as the noise.
+  EXPECT_LT(noise_floor(recording, still.output.values).rms, 1.6 * 0.01);
+  // Where a simulation stands still though the machine rings on, a prediction sees that the ringing brings nothing new:
+  // 80 settled samples in each hold allow coloured noise to be twice as large as what a prediction leaves.
+  const std::vector<double> settled(recording.samples(), 0.0);
+  EXPECT_LT(noise_floor(recording, settled).rms, 2.5 * 0.01);
+}
+
+TEST(NoiseFloor, OfHoldsThatAgreeSeesColouredNoiseWholeBesideASimulation) {
+  Recording recording = ringing(0);
+  std::mt19937 random(5);
+  std::normal_distribution<double> normal;
+  double coloured = 0;
+  for (std::size_t i = 0; i < recording.samples(); ++i) {
+    coloured = 0.8 * coloured + 0.6 * normal(random);
+    recording.output.values[i] = 0.5 * coloured;
+  }
+  // 80 settled samples in each hold with a correlation time of 9; a line takes two freedoms of nine.
+  EXPECT_NEAR(noise_floor(recording, std::vector<double>(recording.samples(), 0.0)).rms, 0.5, 0.15);
+}
+
 TEST(NoiseFloor, OfASweepIsNotItsAmplitude) {
   Recording recording = test::step_recording(
       200, 1.5, 1.5, 0.5, 20, [](double) { return 0.0; }, 0.35, 3);
