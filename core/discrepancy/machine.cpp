@@ -125,7 +125,7 @@ void measure_reduction(const std::vector<double>& baseline, const std::vector<do
 struct Extension {
   MachineFit fit;
   MachineData data;
-  std::vector<double> std_errors;
+  Eigen::MatrixXd covariance;  ///< of the fit's free parameters
 };
 
 /// A fit of the search on the recordings from end to end, as far as those are longer than what was searched.
@@ -148,7 +148,7 @@ Extension extend(std::span<const Recording> recordings, const MachineData& searc
     // Windows tell the law; what is refitted from end to end must be closer there, or the search's own fit stands.
     if (!refined.failed && refined.squares < extension.fit.squares) extension.fit = std::move(refined);
   }
-  extension.std_errors = standard_errors(extension.data, extension.data.all_rows(), extension.fit);
+  extension.covariance = parameter_covariance(extension.data, extension.data.all_rows(), extension.fit);
   return extension;
 }
 
@@ -199,7 +199,7 @@ Model model_of(std::span<const Recording> recordings, const Extension& extension
   model.dynamics.domain = Domain::kS;  // not used: the chain has its own
   model.machine = in_own_units(extension.data, extension.fit);
   for (const std::string& cause : winner.causes) {
-    const auto estimates = cause_parameters(cause, extension.data, extension.fit, extension.std_errors,
+    const auto estimates = cause_parameters(cause, extension.data, extension.fit, extension.covariance,
                                             model.input_unit, model.output_unit);
     MechanismUse use = use_of(cause, estimates);
     model.mechanisms.push_back(std::move(use));
@@ -233,7 +233,7 @@ std::vector<NamedCause> causes_of(std::span<const Recording> recordings, const M
         cause.family_probability += probability_of(candidate.cause);
     }
     cause.family_probability = std::min(1.0, cause.family_probability);
-    cause.parameters = cause_parameters(cause.cause, extension.data, extension.fit, extension.std_errors,
+    cause.parameters = cause_parameters(cause.cause, extension.data, extension.fit, extension.covariance,
                                         recordings.front().input.unit, recordings.front().output.unit);
     cause.severity_in_population_sd = std::numeric_limits<double>::quiet_NaN();
     cause.rmse_before = search.linear.rms() * scale;
@@ -314,7 +314,8 @@ NextTest settling_test(std::span<const Recording> recordings, const MachineSearc
       for (const MachineScore& score : search.scores) {
         if (score.causes != causes || score.fit.failed) continue;
         Extension fitted{.fit = score.fit, .data = extension.data};
-        fitted.std_errors.assign(score.fit.free.size(), 0.0);
+        const auto free = static_cast<Eigen::Index>(score.fit.free.size());
+        fitted.covariance = Eigen::MatrixXd::Zero(free, free);
         alternatives.push_back(
             {score.name(), std::max(probability_of(score.name()), 0.01), model_of(recordings, fitted, score), {}});
         break;

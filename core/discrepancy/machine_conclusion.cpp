@@ -137,7 +137,7 @@ const MachineScore* best_of(const MachineSearch& search, const MachineData& data
 bool bends_without_a_name(const MachineSearch& search, const MachineData& data, const Margin& margin) {
   const auto bends = [&](const MachineBlock& block) {
     if (block.law == MachineLaw::kSpring) {
-      return std::abs(gain_at_rest(block.sections, block.feedback)) > kBend;
+      return std::abs(gain_seen(data, block.sections, block.feedback)) > kBend;
     }
     return block.law == MachineLaw::kRestoringLoop &&
            std::abs(block.parameters[1]) * search.ground.output_range() > kLoopBend;
@@ -251,6 +251,10 @@ void add_untested(std::vector<Candidate>& rows) {
 bool is_beyond_doubt(const MachineSearch& search, const MachineData& data, const MachineScore& best, double noise_rms,
                      const MachineVerdict& verdict) {
   if (verdict.p_value >= kConfident) return false;
+  if (!std::all_of(best.causes.begin(), best.causes.end(),
+                   [&](const std::string& cause) { return has_certain_size(cause, data, best.fit); })) {
+    return false;
+  }
   if (best.rms() <= kNearFloor * noise_rms) return true;
   // Damping of any kind looks like a memory, and most kinds have no name.
   const auto remembers = [](const std::string& cause) { return family_of(cause) == "memory"; };

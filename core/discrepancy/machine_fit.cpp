@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 namespace valvetriage {
 namespace {
@@ -342,6 +343,26 @@ double gain_at_rest(const std::vector<Section>& sections, const std::vector<doub
   return sum;
 }
 
+std::vector<double> seen_at_rest(const MachineData& data, const std::vector<Section>& sections, std::size_t weights) {
+  const double slow_rate = data.records.empty() ? 0 : SectionLimits(longest(data)).slow_rate;
+  // Weights run from the last section to the first; what enters a section has passed those before it.
+  std::vector<double> factors;
+  std::size_t seen = 0;
+  while (seen < sections.size() && slowest_rate(sections[seen]) >= slow_rate) ++seen;
+  for (std::size_t s = sections.size(); s-- > 0;) {
+    factors.push_back(s < seen ? 1 : 0);
+    if (sections[s].order == 2) factors.push_back(s == seen ? slowest_rate(sections[s]) : 0);
+  }
+  factors.push_back(1);
+  factors.resize(weights, 0.0);
+  return factors;
+}
+
+double gain_seen(const MachineData& data, const std::vector<Section>& sections, const std::vector<double>& weights) {
+  const std::vector<double> factors = seen_at_rest(data, sections, weights.size());
+  return std::inner_product(weights.begin(), weights.end(), factors.begin(), 0.0);
+}
+
 double value_of(const Machine& machine, const FreeParameter& p) {
   const MachineBlock& block = machine.blocks[p.block];
   switch (p.field) {
@@ -394,7 +415,7 @@ void refine_starts(const MachineData& data, const MachineRows& rows, int iterati
   Refiner(data, rows, fit, budget, false).run(iterations);
 }
 
-std::vector<double> standard_errors(const MachineData& data, const MachineRows& rows, const MachineFit& fit) {
+MatrixXd parameter_covariance(const MachineData& data, const MachineRows& rows, const MachineFit& fit) {
   MachineFit copy = fit;
   MachineBudget budget{.block_samples = 1e12};
   Refiner refiner(data, rows, copy, budget, true);
@@ -413,14 +434,12 @@ std::vector<double> standard_errors(const MachineData& data, const MachineRows& 
   MatrixXd scaled = scale.asDiagonal() * normal.a * scale.asDiagonal();
   scaled.diagonal().array() += 1e-12;
   const MatrixXd inverse = scaled.ldlt().solve(MatrixXd::Identity(scaled.rows(), scaled.cols()));
-  std::vector<double> errors;
-  for (std::size_t i = 0; i < fit.free.size(); ++i) {
-    const auto at = static_cast<Index>(i);
-    double error = std::sqrt(std::max(0.0, variance * inverse(at, at))) * scale[at];
-    if (fit.free[i].logarithmic) error *= value_of(fit.machine, fit.free[i]);
-    errors.push_back(error);
+  VectorXd unit(static_cast<Index>(fit.free.size()));
+  for (Index i = 0; i < unit.size(); ++i) {
+    const FreeParameter& p = fit.free[static_cast<std::size_t>(i)];
+    unit[i] = scale[i] * (p.logarithmic ? value_of(fit.machine, p) : 1);
   }
-  return errors;
+  return variance * unit.asDiagonal() * inverse.topLeftCorner(unit.size(), unit.size()) * unit.asDiagonal();
 }
 
 std::vector<double> run_record(const MachineData& data, std::size_t record, const MachineFit& fit) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -65,9 +66,16 @@ void evaluate_machine(const MachineData& data, const MachineRows& rows, MachineF
 void refine_starts(const MachineData& data, const MachineRows& rows, int iterations, MachineFit& fit,
                    MachineBudget& budget);
 
-/// Standard errors of the free parameters at the fit, scaled by the residual's autocorrelation up to a tenth of the
-/// record. Infinite where the data do not determine one.
-std::vector<double> standard_errors(const MachineData& data, const MachineRows& rows, const MachineFit& fit);
+/// The same as far as the records show it: what passes a section slower than half the longest record answers slow
+/// changes that the records do not hold, and its weight is not known from them, whatever it is. Between the rates of a
+/// section of a slow and a fast pole, its difference stands still instead, at f / e of what enters.
+/// Returned as the factor of each weight.
+std::vector<double> seen_at_rest(const MachineData& data, const std::vector<Section>& sections, std::size_t weights);
+double gain_seen(const MachineData& data, const std::vector<Section>& sections, const std::vector<double>& weights);
+
+/// Covariance of the free parameters at the fit, scaled by the residual's autocorrelation up to a tenth of the record;
+/// of a logarithmic one, that of its value.
+Eigen::MatrixXd parameter_covariance(const MachineData& data, const MachineRows& rows, const MachineFit& fit);
 
 /// Free run of one record.
 std::vector<double> run_record(const MachineData& data, std::size_t record, const MachineFit& fit);

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <boost/math/distributions/fisher_f.hpp>
 #include <cmath>
 #include <functional>
@@ -26,7 +27,7 @@ const MachineBlock* find_block(const MachineFit& fit, MachineLaw law, std::size_
 /// Writes estimates: value = factor · parameter + offset, error alike.
 class Writer {
  public:
-  Writer(const MachineFit& fit, const std::vector<double>& errors) : fit_(fit), errors_(errors) {}
+  Writer(const MachineFit& fit, const Eigen::MatrixXd& covariance) : fit_(fit), covariance_(covariance) {}
 
   void add(const std::string& name, std::size_t block, std::size_t index, double factor, double offset,
            const std::string& unit) {
@@ -42,18 +43,31 @@ class Writer {
   }
 
   double error_of(std::size_t block, std::size_t index) const {
-    for (std::size_t i = 0; i < fit_.free.size() && i < errors_.size(); ++i) {
+    for (std::size_t i = 0; i < fit_.free.size(); ++i) {
       const FreeParameter& p = fit_.free[i];
-      if (p.block == block && p.field == MachineField::kParameter && p.index == index) return errors_[i];
+      if (p.block != block || p.field != MachineField::kParameter || p.index != index) continue;
+      const auto at = static_cast<Eigen::Index>(i);
+      return at < covariance_.rows() ? std::sqrt(std::max(0.0, covariance_(at, at))) : 0;
     }
     return 0;
+  }
+
+  /// Of a weighted sum of a block's feedback coefficients.
+  double error_of_feedback(std::size_t block, const std::vector<double>& weights) const {
+    Eigen::VectorXd direction = Eigen::VectorXd::Zero(covariance_.rows());
+    for (std::size_t i = 0; i < fit_.free.size(); ++i) {
+      const FreeParameter& p = fit_.free[i];
+      if (p.block != block || p.field != MachineField::kFeedback || p.index >= weights.size()) continue;
+      if (static_cast<Eigen::Index>(i) < direction.size()) direction[static_cast<Eigen::Index>(i)] = weights[p.index];
+    }
+    return std::sqrt(std::max(0.0, direction.dot(covariance_ * direction)));
   }
 
   std::vector<std::pair<std::string, ParameterEstimate>> estimates;
 
  private:
   const MachineFit& fit_;
-  const std::vector<double>& errors_;
+  const Eigen::MatrixXd& covariance_;
 };
 
 /// Factor and offset from the signal that enters block `from` to the reading, at rest.
@@ -135,9 +149,9 @@ MajorLoop major_loop(const MachineBlock& block, double output_range) {
 }
 
 /// Full width at mid range as an input [scaled units].
-double loop_width(const MachineBlock& block, double output_range) {
-  const double gain = gain_at_rest(block.sections, block.numerator);
-  return std::abs(major_loop(block, output_range).width * gain_at_rest(block.sections, block.feedback) / gain);
+double loop_width(const MachineData& data, const MachineBlock& block, double output_range) {
+  const double gain = gain_seen(data, block.sections, block.numerator);
+  return std::abs(major_loop(block, output_range).width * gain_seen(data, block.sections, block.feedback) / gain);
 }
 
 /// Whether the way back lies apart from the way there. Without memory the law still bends the restoring force, and its
@@ -191,7 +205,7 @@ void add_loop(Writer& writer, const MachineData& data, const MachineFit& fit, co
       const auto [low, high] = std::minmax_element(record.output.begin(), record.output.end());
       range = std::max(range, *high - *low);
     }
-    const double width = loop_width(*loop, range) * data.input_scale;
+    const double width = loop_width(data, *loop, range) * data.input_scale;
     writer.add_value("width_A", width, width * writer.error_of(b, 0) / std::max(loop->parameters[0], 1e-9), unit);
   }
 }
@@ -214,10 +228,10 @@ std::string per(const std::string& unit, const char* what) {
 
 std::vector<std::pair<std::string, ParameterEstimate>> cause_parameters(const std::string& cause,
                                                                         const MachineData& data, const MachineFit& fit,
-                                                                        const std::vector<double>& std_errors,
+                                                                        const Eigen::MatrixXd& covariance,
                                                                         const std::string& input_unit,
                                                                         const std::string& output_unit) {
-  Writer writer(fit, std_errors);
+  Writer writer(fit, covariance);
   std::size_t b = 0;
   const double su = data.input_scale, sy = data.output_scale;
   if (cause == "friction") add_friction(writer, data, fit, input_unit);
@@ -243,12 +257,9 @@ std::vector<std::pair<std::string, ParameterEstimate>> cause_parameters(const st
   }
   if (cause == "orifice_flow" && find_block(fit, MachineLaw::kTanks, &b)) writer.add("exponent", b, 5, 1, 0, "");
   if (cause == "stiffening_spring") {
-    if (const MachineBlock* spring = find_block(fit, MachineLaw::kSpring)) {
-      double error = 0;
-      for (std::size_t i = 0; i < fit.free.size() && i < std_errors.size(); ++i) {
-        if (fit.free[i].field == MachineField::kFeedback && fit.free[i].index == 0) error = std_errors[i];
-      }
-      writer.add_value("cubic_coefficient", -gain_at_rest(spring->sections, spring->feedback) / (sy * sy),
+    if (const MachineBlock* spring = find_block(fit, MachineLaw::kSpring, &b)) {
+      const double error = writer.error_of_feedback(b, seen_at_rest(data, spring->sections, spring->feedback.size()));
+      writer.add_value("cubic_coefficient", -gain_seen(data, spring->sections, spring->feedback) / (sy * sy),
                        error / (sy * sy), output_unit.empty() ? "" : "1/" + output_unit + "2");
     }
   }
@@ -271,6 +282,26 @@ std::vector<std::pair<std::string, ParameterEstimate>> cause_parameters(const st
     writer.add("gain_change", b, 0, 1, 0, "");
   }
   return writer.estimates;
+}
+
+bool has_certain_size(const std::string& cause, const MachineData& data, const MachineFit& fit) {
+  constexpr std::array<std::pair<const char*, double>, 9> kNone{{{"breakaway_A", 0},
+                                                                 {"width_A", 0},
+                                                                 {"cubic_coefficient", 0},
+                                                                 {"curvature", 0},
+                                                                 {"fall_to_rise_ratio", 1},
+                                                                 {"drift_psi_per_s", 0},
+                                                                 {"amplitude_psi", 0},
+                                                                 {"coefficient", 0},
+                                                                 {"gain_change", 0}}};
+  if (data.records.empty()) return true;
+  const Eigen::MatrixXd covariance = parameter_covariance(data, data.all_rows(), fit);
+  for (const auto& [name, estimate] : cause_parameters(cause, data, fit, covariance, "", "")) {
+    for (const auto& [size, none] : kNone) {
+      if (name == size && estimate.ci95[0] <= none && none <= estimate.ci95[1]) return false;
+    }
+  }
+  return true;
 }
 
 bool has_effect(const MachineScore& score, const MachineData& data, const MachineGround& ground) {
@@ -307,10 +338,10 @@ bool has_effect(const MachineScore& score, const MachineData& data, const Machin
         if (std::abs(std::log(p[1] / p[0])) < 0.05) return false;
         break;
       case MachineLaw::kSpring:
-        if (-gain_at_rest(block.sections, block.feedback) < 1e-4) return false;
+        if (-gain_seen(data, block.sections, block.feedback) < 1e-4) return false;
         break;
       case MachineLaw::kRestoringLoop:
-        if (loop_width(block, ground.output_range()) < kNothing * input) return false;
+        if (loop_width(data, block, ground.output_range()) < kNothing * input) return false;
         if (!has_memory(block, ground.output_range())) return false;
         break;
       case MachineLaw::kMotion:

@@ -13,9 +13,13 @@ namespace valvetriage {
 /// Parameters of one cause of a fitted machine, in the recordings' units and the contract's names.
 std::vector<std::pair<std::string, ParameterEstimate>> cause_parameters(const std::string& cause,
                                                                         const MachineData& data, const MachineFit& fit,
-                                                                        const std::vector<double>& std_errors,
+                                                                        const Eigen::MatrixXd& covariance,
                                                                         const std::string& input_unit,
                                                                         const std::string& output_unit);
+
+/// Whether the interval of a cause's own size leaves out that it has none: a width of 0, a ratio of 1, no curvature. True
+/// for causes whose parameters tell no size.
+bool has_certain_size(const std::string& cause, const MachineData& data, const MachineFit& fit);
 
 /// False for a law that stands in the chain but does nothing: width, curvature or amplitude next to zero, a level that
 /// is never reached.

@@ -466,6 +466,18 @@ TEST(MachineConclusion, ASpringThatGivesWayIsStructureWithoutAName) {
   EXPECT_EQ(verdict.winner, nullptr);
 }
 
+TEST(MachineFit, AModeSlowerThanTheRecordHasNoGainThatTheRecordShows) {
+  MachineData data;
+  data.records.resize(1);
+  data.records[0].input.resize(1000);
+  const std::vector<Section> slow_first{{.order = 1, .f = 1e-6}, {.order = 2, .e = 0.1, .f = 0.05}};
+  const std::vector<Section> fast_first{{.order = 2, .e = 0.1, .f = 0.05}, {.order = 1, .f = 1e-6}};
+  // Weights: level and difference of the last section, level (and difference) of the first, the input.
+  EXPECT_EQ(gain_seen(data, slow_first, {5, 3, 7, 2}), 2);
+  EXPECT_EQ(gain_seen(data, fast_first, {5, 7, 3, 2}), 9);
+  EXPECT_EQ(gain_at_rest(fast_first, {5, 7, 3, 2}), 14);
+}
+
 TEST(MachineConclusion, ALoopWhoseWayBackIsItsWayThereIsNoHysteresis) {
   const auto search = bent({.law = MachineLaw::kRestoringLoop, .parameters = {0.001, 0.98}, .feedback = {-0.5, 0}});
   const MachineVerdict verdict = conclude(search, MachineData{}, 0.1, false);
