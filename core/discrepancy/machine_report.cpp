@@ -70,22 +70,30 @@ class Writer {
   const Eigen::MatrixXd& covariance_;
 };
 
-/// Factor and offset from the signal that enters block `from` to the reading, at rest.
-std::pair<double, double> to_reading(const MachineFit& fit, std::size_t from) {
-  double factor = 1, offset = 0;
+/// Where a signal that stands at `value` in front of block `from` leaves the reading: dynamics by the gain that the
+/// records show, what has none by its own law, as the rounding of a second limit.
+double at_reading(const MachineData& data, const MachineFit& fit, std::size_t from, double value) {
   for (std::size_t b = from; b < fit.machine.blocks.size(); ++b) {
     const MachineBlock& block = fit.machine.blocks[b];
-    if (block.law == MachineLaw::kAffine) {
-      factor *= block.parameters[0];
-      offset = offset * block.parameters[0] + block.parameters[1];
-    } else if (block.law == MachineLaw::kLinear || block.law == MachineLaw::kSpring ||
-               block.law == MachineLaw::kRestoringLoop) {
-      const double gain = gain_at_rest(block.sections, block.numerator);
-      factor *= gain;
-      offset *= gain;
+    switch (block.law) {
+      case MachineLaw::kLinear:
+      case MachineLaw::kSpring:
+      case MachineLaw::kRestoringLoop:
+        value *= gain_seen(data, block.sections, block.numerator);
+        break;
+      case MachineLaw::kAffine:
+      case MachineLaw::kUpperLimit:
+      case MachineLaw::kLowerLimit:
+      case MachineLaw::kDeadBand:
+      case MachineLaw::kCurve:
+      case MachineLaw::kMagnitude:
+        run_block(block, fit.machine.sample_period_s, {}, {}, std::span(&value, 1), std::span(&value, 1));
+        break;
+      default:
+        break;
     }
   }
-  return {factor, offset};
+  return value;
 }
 
 /// Whether a limit is passed by the signal that enters it, often enough to be seen: a limit out of reach is a curve at
@@ -162,6 +170,31 @@ bool has_memory(const MachineBlock& block, double output_range) {
   return loop.width > kLeastOpening * loop.height;
 }
 
+/// Whether the readings may be said to stop at a level. Far from all of them it is where a curve would end that nobody
+/// followed so far; a level that many of them pass by far, on both sides of it, is where nothing stops.
+bool is_a_stop(const MachineData& data, double level) {
+  constexpr double kFar = 0.1;        // of the range of the readings
+  constexpr double kPassedBy = 0.15;  // of the readings: dynamics behind a stop overshoot it for shorter
+  double low = INFINITY, high = -INFINITY;
+  for (const MachineRecord& record : data.records) {
+    for (const std::size_t t : record.valid) {
+      low = std::min(low, record.output[t]);
+      high = std::max(high, record.output[t]);
+    }
+  }
+  const double far = kFar * (high - low);
+  if (level < low - far || level > high + far) return false;
+  double above = 0, below = 0, samples = 0;
+  for (const MachineRecord& record : data.records) {
+    for (const std::size_t t : record.valid) {
+      above += record.output[t] > level + far ? 1 : 0;
+      below += record.output[t] < level - far ? 1 : 0;
+      samples += 1;
+    }
+  }
+  return std::min(above, below) <= kPassedBy * samples;
+}
+
 void add_levels(Writer& writer, const MachineData& data, const MachineFit& fit, const std::string& unit) {
   for (std::size_t b = 0; b < fit.machine.blocks.size(); ++b) {
     const MachineBlock& block = fit.machine.blocks[b];
@@ -171,10 +204,13 @@ void add_levels(Writer& writer, const MachineData& data, const MachineFit& fit, 
     }
     if (block.law != MachineLaw::kUpperLimit && block.law != MachineLaw::kLowerLimit) continue;
     if (!is_reached(data, fit, b)) continue;
-    const auto [factor, offset] = to_reading(fit, b + 1);
+    const double level = at_reading(data, fit, b + 1, block.parameters[0]);
+    const double step = 1e-4;
+    const double factor = (at_reading(data, fit, b + 1, block.parameters[0] + step) - level) / step;
+    if (!is_a_stop(data, level)) continue;
     const bool upper = (block.law == MachineLaw::kUpperLimit) == (factor > 0);
-    writer.add(upper ? "level_psi" : "lower_level_psi", b, 0, factor * data.output_scale,
-               offset * data.output_scale + data.output_mean, unit);
+    writer.add_value(upper ? "level_psi" : "lower_level_psi", level * data.output_scale + data.output_mean,
+                     std::abs(factor) * writer.error_of(b, 0) * data.output_scale, unit);
   }
 }
 

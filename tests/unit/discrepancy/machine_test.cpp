@@ -210,6 +210,17 @@ TEST(Machine, AOneSidedLimitBetweenTwoLagsIsASaturation) {
   EXPECT_NEAR(parameter(diagnosis.discrepancy.causes[0], "level_psi"), 0.5, 0.05);
 }
 
+TEST(Machine, TheLevelsOfTwoRoundedStopsAreWhereTheReadingEnds) {
+  const auto u = random_command(1500, 25, 81);
+  const auto limited = each(lag(u, 0.1, kPeriod_s), [](double x) { return std::tanh(1.5 * x); });
+  const auto diagnosis = diagnosis_of(recording(u, lag(limited, 0.08, kPeriod_s), kPeriod_s, kNoise, 82));
+  for (const NamedCause& cause : diagnosis.discrepancy.causes) {
+    for (const auto& [name, level] : cause.parameters) {
+      EXPECT_NEAR(level.value, name == "level_psi" ? 1 : -1, 0.15) << name;
+    }
+  }
+}
+
 TEST(Machine, ADampingThatGrowsWithTheSpeedIsNoCertainHysteresis) {
   const auto u = random_command(2000, 40, 89);
   const Oscillator damped{
