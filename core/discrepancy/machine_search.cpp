@@ -368,6 +368,25 @@ MachineScore search_linear(const MachineData& data, MachineGround& ground, Machi
   return best;
 }
 
+void prefer_lags(const MachineData& data, MachineSearch& search, MachineBudget& budget) {
+  constexpr double kClearlyCloser = 1.2;
+  MachineGround moving = search.ground;
+  moving.one_rate = false;
+  moving.linear.clear();
+  MachineScore lags = search_linear(data, moving, budget);
+  const double margin = std::log(kClearlyCloser);
+  const bool closest = std::all_of(search.scores.begin(), search.scores.end(), [&](const MachineScore& score) {
+    return !score.held_out || score.mean > lags.mean + margin;
+  });
+  // The black box has lags of its own: it need not be farther, only not closer.
+  if (!closest || !(search.linear.mean > lags.mean + margin)) return;
+  if (!(std::log(search.black_box_rms) > lags.mean - margin)) return;
+  search.linear = std::move(lags);
+  search.ground.chosen_order = moving.chosen_order;
+  search.ground.dead_samples = moving.dead_samples;
+  search.ground.linear = std::move(moving.linear);
+}
+
 MachineSearch search_machines(const MachineData& data, MachineGround ground, MachineBudget& budget) {
   MachineSearch search;
   search.linear = search_linear(data, ground, budget);
@@ -389,6 +408,7 @@ MachineSearch search_machines(const MachineData& data, MachineGround ground, Mac
   search.black_box_rms =
       std::exp(std::accumulate(search.black_box_log_rms.begin(), search.black_box_log_rms.end(), 0.0) /
                static_cast<double>(std::max<std::size_t>(search.black_box_log_rms.size(), 1)));
+  if (search.ground.one_rate) prefer_lags(data, search, budget);
   search.budget_spent = budget.spent();
   return search;
 }

@@ -61,6 +61,11 @@ std::vector<GainStep> gain_steps(const MachineData& data, const MachineFit& fit,
 /// the cost is flat between two samples, and no slope leads there.
 void move_instant(const MachineData& data, int iterations, MachineFit& fit, MachineBudget& budget);
 
+/// At one rate a lag and a memory look alike, and laws are tried around a static core. Where a linear machine with
+/// dynamics is clearly closer than each of them, and the black box not closer than that, lags are all there is: it is the
+/// linear machine that the rest is measured against.
+void prefer_lags(const MachineData& data, MachineSearch& search, MachineBudget& budget);
+
 /// Everything: linear machines, single causes, pairs, black box. Explanations are screened by their fit to all rows
 /// from every start; the best are refined and judged on held-out groups.
 MachineSearch search_machines(const MachineData& data, MachineGround ground, MachineBudget& budget);

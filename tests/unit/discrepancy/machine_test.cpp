@@ -221,6 +221,25 @@ TEST(Machine, TheLevelsOfTwoRoundedStopsAreWhereTheReadingEnds) {
   }
 }
 
+TEST(Machine, ALagUnderATriangleOfOneRateHasNothingWrong) {
+  Signal u(2000);
+  for (std::size_t t = 0; t < u.size(); ++t) {
+    const double phase = static_cast<double>(t % 500) / 500;
+    u[t] = phase < 0.5 ? 4 * phase - 1 : 3 - 4 * phase;
+  }
+  Recording swept = recording(u, lag(lag(u, 0.4, kPeriod_s), 0.2, kPeriod_s), kPeriod_s, kNoise, 83);
+  swept.test = TestKind::kTriangle;
+  for (std::size_t begin = 0; begin < u.size(); begin += 250) {
+    swept.segments.push_back({.kind = SegmentKind::kRamp,
+                              .begin = begin,
+                              .end = begin + 250,
+                              .rate_per_s = (begin / 250 % 2 == 0 ? 1.0 : -1.0) * 8e-3 / kPeriod_s});
+  }
+  const Discrepancy d = diagnosis_of(swept).discrepancy;
+  expect_nothing(d);
+  EXPECT_LT(d.gain.rmse_baseline, 1.1 * kNoise);
+}
+
 TEST(Machine, ADampingThatGrowsWithTheSpeedIsNoCertainHysteresis) {
   const auto u = random_command(2000, 40, 89);
   const Oscillator damped{
