@@ -110,11 +110,38 @@ MachineRecord cut(const Recording& from, std::size_t index, std::size_t begin, s
   return record;
 }
 
+/// Whether the input rests for a quarter of [begin, end) or more: a machine at rest tells nothing about its laws.
+bool rests(const Recording& from, std::size_t begin, std::size_t end, double input_scale) {
+  constexpr double kStill = 0.005;  // of the input's deviation: noise of a measured input
+  constexpr std::size_t kQuarter = 4;
+  std::size_t since = begin, longest = 0;
+  for (std::size_t i = begin; i < end; ++i) {
+    if (std::abs(from.input.values[i] - from.input.values[since]) > kStill * input_scale) since = i;
+    longest = std::max(longest, i - since);
+  }
+  return longest >= (end - begin) / kQuarter;
+}
+
+/// Windows spread evenly from the first sample to the last; one in which the input rests begins later, or else sooner,
+/// as far as its neighbours leave room.
 void take_windows(const Recording& from, std::size_t index, std::size_t most_samples, MachineData& data) {
+  constexpr std::size_t kShifts = 8;  // per window length
   const std::size_t length = most_samples / kWindows * data.stride;
+  const auto place = [&](std::size_t w) {
+    return (from.samples() - length) * w / (kWindows - 1) / data.stride * data.stride;
+  };
+  const std::size_t shift = std::max<std::size_t>(length / kShifts / data.stride, 1) * data.stride;
+  std::size_t free_from = 0;
   for (std::size_t w = 0; w < kWindows; ++w) {
-    const std::size_t begin = (from.samples() - length) * w / (kWindows - 1) / data.stride * data.stride;
+    const std::size_t planned = std::max(place(w), free_from);
+    const std::size_t free_to = w + 1 < kWindows ? place(w + 1) : from.samples();
+    const auto idle = [&](std::size_t begin) { return rests(from, begin, begin + length, data.input_scale); };
+    std::size_t begin = planned;
+    while (idle(begin) && begin + shift + length <= free_to) begin += shift;
+    while (idle(begin) && begin >= free_from + shift) begin -= shift;
+    if (idle(begin)) begin = planned;
     data.records.push_back(cut(from, index, begin, std::min(begin + length, from.samples()), data));
+    free_from = begin + length;
   }
 }
 

@@ -179,6 +179,19 @@ TEST(MachineData, WholeRecordsKeepTheStrideThatTheSearchHad) {
   EXPECT_EQ(whole.records[0].input.size(), (measured.samples() + whole.stride - 1) / whole.stride);
 }
 
+TEST(MachineData, AWindowDoesNotStandWhereTheInputRests) {
+  auto u = random_command(20000, 5, 75);
+  std::fill(u.begin(), u.begin() + 2500, 0.0);
+  const Recording measured = recording(u, lag(u, 0.05, kPeriod_s), kPeriod_s, kNoise, 76);
+  const MachineData data = machine_data(std::span(&measured, 1), 0, 5000);
+  ASSERT_TRUE(data.windows);
+  for (const MachineRecord& record : data.records) {
+    EXPECT_EQ(record.input.size(), 1250U);
+    // A quarter of a window at most.
+    EXPECT_GT(record.start_s, (2500 - 1250 / 4 - 1) * kPeriod_s);
+  }
+}
+
 TEST(Machine, ALongRecordingIsExplainedFromEndToEnd) {
   const auto u = random_command(9000, 5, 77);
   const auto limited = each(lag(u, 0.06, kPeriod_s), [](double x) { return std::min(x, 0.4); });
