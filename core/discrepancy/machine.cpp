@@ -103,19 +103,23 @@ MachineGround ground_of(std::span<const Recording> recordings, const MachineData
 }
 
 /// 1 − extended / baseline with an interval over the held-out groups, resampled by a fixed sequence.
-void measure_reduction(const std::vector<double>& baseline, const std::vector<double>& extended,
-                       DiscrepancyGain& gain) {
-  const std::size_t n = baseline.size();
+void measure_reduction(const MachineScore& baseline, const MachineScore& extended, DiscrepancyGain& gain) {
+  const std::size_t n = baseline.log_rms.size();
+  const auto squares = [](const MachineScore& score, std::size_t group) {
+    return static_cast<double>(score.gaps[group].size()) * std::exp(2 * score.log_rms[group]);
+  };
+  gain.reduction = 1 - gain.rmse_extended / gain.rmse_baseline;
   std::vector<double> reductions;
   std::uint64_t state = 0x9E3779B97F4A7C15ULL;
   for (std::size_t draw = 0; draw < kMostBootstrap; ++draw) {
-    double difference = 0;
+    double before = 0, after = 0;
     for (std::size_t i = 0; i < n; ++i) {
       state = state * 6364136223846793005ULL + 1442695040888963407ULL;
       const std::size_t pick = static_cast<std::size_t>(state >> 33U) % n;
-      difference += extended[pick] - baseline[pick];
+      before += squares(baseline, pick);
+      after += squares(extended, pick);
     }
-    reductions.push_back(1 - std::exp(difference / static_cast<double>(n)));
+    reductions.push_back(1 - std::sqrt(after / before));
   }
   std::sort(reductions.begin(), reductions.end());
   gain.reduction_ci95 = {reductions[kMostBootstrap / 40], reductions[kMostBootstrap - 1 - kMostBootstrap / 40]};
@@ -236,8 +240,8 @@ std::vector<NamedCause> causes_of(std::span<const Recording> recordings, const M
     cause.parameters = cause_parameters(cause.cause, extension.data, extension.fit, extension.covariance,
                                         recordings.front().input.unit, recordings.front().output.unit);
     cause.severity_in_population_sd = std::numeric_limits<double>::quiet_NaN();
-    cause.rmse_before = search.linear.rms() * scale;
-    cause.rmse_after = winner.rms() * scale;
+    cause.rmse_before = held_out_rms(search.linear) * scale;
+    cause.rmse_after = held_out_rms(winner) * scale;
     cause.p_value = verdict.p_value;
     std::size_t wins = 0;
     for (std::size_t g = 0; g < winner.log_rms.size(); ++g)
@@ -369,17 +373,16 @@ Result<MachineDiagnosis> diagnose_machine(std::span<const Recording> recordings,
   if (feedback && verdict.conclusion != Conclusion::kAmbiguous) say_feedback(discrepancy);
   DiscrepancyGain& gain = discrepancy.gain;
   gain.heldout = data.heldout;
-  gain.rmse_baseline = search.linear.rms() * scale;
+  gain.rmse_baseline = held_out_rms(search.linear) * scale;
   gain.rmse_extended = gain.rmse_baseline;
-  gain.rmse_black_box = search.black_box_rms * scale;
+  gain.rmse_black_box = black_box_held_out_rms(search) * scale;
   gain.noise_floor = noise;
   if (options.trace) diagnosis.trace = trace_of(search, data);
   if (!verdict.winner) return diagnosis;
 
   const Extension extension = extend(recordings, data, *verdict.winner, budget);
-  gain.rmse_extended = verdict.winner->rms() * scale;
-  gain.reduction = 1 - gain.rmse_extended / gain.rmse_baseline;
-  measure_reduction(search.linear.log_rms, verdict.winner->log_rms, gain);
+  gain.rmse_extended = held_out_rms(*verdict.winner) * scale;
+  measure_reduction(search.linear, *verdict.winner, gain);
   discrepancy.causes = causes_of(recordings, search, verdict, extension);
   diagnosis.extended_model = model_of(recordings, extension, *verdict.winner);
   for (std::size_t r = 0; r < recordings.size(); ++r) {

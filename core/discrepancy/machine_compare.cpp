@@ -48,7 +48,26 @@ std::vector<double> whitened_log_rms(const std::vector<std::vector<double>>& gap
   return log_rms;
 }
 
+/// Rms over groups of so many samples each.
+double pooled(const std::vector<double>& log_rms, const std::vector<std::vector<double>>& groups) {
+  double squares = 0, samples = 0;
+  for (std::size_t g = 0; g < log_rms.size(); ++g) {
+    const auto n = g < groups.size() ? static_cast<double>(groups[g].size()) : 1;
+    squares += n * std::exp(2 * log_rms[g]);
+    samples += n;
+  }
+  return std::sqrt(squares / samples);
+}
+
 }  // namespace
+
+double held_out_rms(const MachineScore& score) {
+  return pooled(score.log_rms, score.gaps);
+}
+
+double black_box_held_out_rms(const MachineSearch& search) {
+  return pooled(search.black_box_log_rms, search.linear.gaps);
+}
 
 double sign_test(const std::vector<double>& better, const std::vector<double>& worse) {
   const std::size_t n = std::min(better.size(), worse.size());

@@ -203,7 +203,7 @@ std::vector<Candidate> weigh(const MachineSearch& search, const MachineScore* wi
   const auto weight = [&](double mean) { return std::min(1.0, std::exp(-kSteepness * (mean - reference))); };
   const double none_bonus = std::log(kOverLinear / kOverNextFamily);
   for (const MachineScore& score : search.scores) {
-    Candidate candidate = row(score.name(), score.held_out ? score.rms() : std::numeric_limits<double>::quiet_NaN());
+    Candidate candidate = row(score.name(), score.held_out ? held_out_rms(score) : std::numeric_limits<double>::quiet_NaN());
     if (!score.held_out) candidate.reason = "its fit to all samples was far from the best: not held out";
     double w = score.held_out ? weight(score.mean) : 0;
     if (&score != winner && winner && supported && excluded(score, *winner)) w = std::min(w, kExcludedWeight);
@@ -214,9 +214,9 @@ std::vector<Candidate> weigh(const MachineSearch& search, const MachineScore* wi
     if (!supported) w = std::min(w, 0.02);
     add(std::move(candidate), w);
   }
-  add(row("none", search.linear.rms()), supported ? weight(search.linear.mean - none_bonus) : 1);
+  add(row("none", held_out_rms(search.linear)), supported ? weight(search.linear.mean - none_bonus) : 1);
   const double unknown = std::log(search.black_box_rms);
-  Candidate black_box = row("unknown", search.black_box_rms);
+  Candidate black_box = row("unknown", black_box_held_out_rms(search));
   black_box.reason = "a flexible black box, held out the same way";
   add(std::move(black_box),
       supported ? std::min(0.02, weight(unknown))

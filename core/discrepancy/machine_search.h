@@ -17,7 +17,7 @@ struct MachineScore {
   double mean = 0;                        ///< of log_rms: the geometric mean decides
   bool held_out = false;                  ///< false: its fit did not earn the effort
 
-  double rms() const;
+  double rms() const;  ///< geometric mean over the groups
   std::string name() const;  ///< "friction", "orifice_flow+saturation", "none"
 };
 
@@ -29,6 +29,10 @@ struct MachineSearch {
   std::vector<double> black_box_log_rms;
   bool budget_spent = false;
 };
+
+/// Rms over all judged samples, what a reader is told. No decision rests on it: one bad block would outweigh all others.
+double held_out_rms(const MachineScore& score);
+double black_box_held_out_rms(const MachineSearch& search);
 
 /// How many of the groups one score is better on than another, and the p-value of that many or more by chance
 /// (two-sided sign test).
