@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 
+#include "core/discrepancy/machine_leftover.h"
 #include "core/discrepancy/machine_report.h"
 
 namespace valvetriage {
@@ -133,18 +134,22 @@ const MachineScore* best_of(const MachineSearch& search, const MachineData& data
 }
 
 /// A law of the restoring force beats the linear machine without the effect that its name says: a spring that gives
-/// way, a loop without memory. Structure that has no name here.
-bool bends_without_a_name(const MachineSearch& search, const MachineData& data, const Margin& margin) {
+/// way, a loop without memory. Structure that has no name here. Where a law with a name beats the linear machine too,
+/// a spring that gives way must be closer than that, by the margin and as consistently as a rival has to be; a loop
+/// without memory may harden, and says nothing against a spring that does.
+bool bends_without_a_name(const MachineSearch& search, const MachineData& data, const Margin& margin,
+                          const MachineScore* named) {
   const auto bends = [&](const MachineBlock& block) {
     if (block.law == MachineLaw::kSpring) {
       return std::abs(gain_seen(data, block.sections, block.feedback)) > kBend;
     }
-    return block.law == MachineLaw::kRestoringLoop &&
+    return block.law == MachineLaw::kRestoringLoop && !named &&
            std::abs(block.parameters[1]) * search.ground.output_range() > kLoopBend;
   };
   return std::any_of(search.scores.begin(), search.scores.end(), [&](const MachineScore& score) {
     const auto& blocks = score.fit.machine.blocks;
     return score.held_out && score.causes.size() == 1 && beats_linear(score, search.linear, margin) &&
+           (!named || excluded(*named, score)) &&
            std::any_of(blocks.begin(), blocks.end(), bends) && !has_effect(score, data, search.ground);
   });
 }
@@ -187,9 +192,13 @@ Candidate row(const std::string& cause, double rms) {
   return {.cause = cause, .probability = 0, .rmse_heldout = rms};
 }
 
-/// Every explanation once, with a weight by its held-out error; probabilities sum to 1.
+/// Every explanation once, with a weight by its held-out error; probabilities sum to 1. Where nothing was added, what
+/// is concluded about the linear machine outweighs the rest: a black box closer on the mean, but on too few blocks, does
+/// not outweigh `none`; structure without a name is `unknown`, however far a black box is from it.
 std::vector<Candidate> weigh(const MachineSearch& search, const MachineScore* winner,
-                             const std::vector<std::vector<std::string>>& alternatives, bool supported) {
+                             const std::vector<std::vector<std::string>>& alternatives, Conclusion conclusion) {
+  constexpr double kDecided = 20, kUndecided = 0.5;
+  const bool supported = conclusion == Conclusion::kNamed || conclusion == Conclusion::kAmbiguous;
   const double reference = winner && supported ? winner->mean : search.linear.mean - std::log(kOverLinear);
   std::vector<Candidate> rows;
   std::vector<double> weights;
@@ -218,9 +227,13 @@ std::vector<Candidate> weigh(const MachineSearch& search, const MachineScore* wi
   const double unknown = std::log(search.black_box_rms);
   Candidate black_box = row("unknown", black_box_held_out_rms(search));
   black_box.reason = "a flexible black box, held out the same way";
-  add(std::move(black_box),
-      supported ? std::min(0.02, weight(unknown))
-                : std::min(20.0, std::exp(kSteepness * (search.linear.mean - std::log(kOverLinear) - unknown))));
+  double unknown_weight = std::min(0.02, weight(unknown));
+  if (conclusion == Conclusion::kNone) {
+    unknown_weight = std::exp(kSteepness * (search.linear.mean - std::log(kOverLinear) - unknown));
+    unknown_weight = std::min(unknown_weight, kUndecided);
+  }
+  if (conclusion == Conclusion::kUnexplained) unknown_weight = kDecided;
+  add(std::move(black_box), unknown_weight);
   for (const auto& list : alternatives) {
     for (const std::string& cause : list) {
       for (std::size_t i = 0; i < rows.size(); ++i) {
@@ -234,7 +247,58 @@ std::vector<Candidate> weigh(const MachineSearch& search, const MachineScore* wi
   return rows;
 }
 
-void add_untested(std::vector<Candidate>& rows) {
+bool is_part_of(const std::string& cause, const std::string& explanation) {
+  return ("+" + explanation + "+").find("+" + cause + "+") != std::string::npos;
+}
+
+/// Whether a cause may stand in one place of a pair: not what the other place has, or has as its own rival.
+bool stands_elsewhere(const MachineVerdict& verdict, std::size_t place, const std::string& cause) {
+  for (std::size_t i = 0; i < verdict.winner->causes.size(); ++i) {
+    const auto& list = verdict.alternatives[i];
+    if (verdict.winner->causes[i] == cause) return true;
+    if (i != place && std::find(list.begin(), list.end(), cause) != list.end()) return true;
+  }
+  return false;
+}
+
+/// An entry that nothing stands beside looks settled. Where the explanations without it weigh too much for that, the
+/// heaviest of them that offers another cause in its place gives its rival.
+void add_runners_up(MachineVerdict& verdict) {
+  constexpr double kSettled = 0.95;
+  constexpr double kLeastProbability = 0.05;  // of one explanation: less is no rival but a crowd
+  for (std::size_t i = 0; i < verdict.winner->causes.size(); ++i) {
+    if (!verdict.alternatives[i].empty()) continue;
+    double probability = 0, heaviest = kLeastProbability;
+    std::string rival;
+    for (const Candidate& candidate : verdict.candidates) {
+      if (is_part_of(verdict.winner->causes[i], candidate.cause)) {
+        probability += candidate.probability;
+        continue;
+      }
+      if (candidate.cause == "none" || candidate.cause == "unknown" || candidate.probability < heaviest) continue;
+      std::string cause;
+      for (std::size_t at = 0; at <= candidate.cause.size(); at += cause.size() + 1) {
+        cause = candidate.cause.substr(at, candidate.cause.find('+', at) - at);
+        if (stands_elsewhere(verdict, i, cause)) continue;
+        rival = cause;
+        heaviest = candidate.probability;
+        break;
+      }
+    }
+    if (probability < kSettled && !rival.empty()) verdict.alternatives[i].push_back(rival);
+  }
+}
+
+/// A drift that the linear machine's own slow mode follows, from the start that is fitted to it.
+bool follows_drift(const MachineSearch& search, const MachineData& data) {
+  if (data.records.empty() || search.linear.fit.machine.blocks.empty()) return false;
+  const auto& sections = search.linear.fit.machine.blocks[0].sections;
+  const std::vector<double> seen = seen_at_rest(data, sections, 1);
+  return !sections.empty() && seen.front() == 0;
+}
+
+void add_untested(const MachineSearch& search, const MachineData& data, MachineVerdict& verdict) {
+  std::vector<Candidate>& rows = verdict.candidates;
   constexpr const char* kAbsorbed = "the linear machine has a gain, a delay and an offset of its own and absorbs it";
   for (const char* cause : {"gain_loss", "transport_delay", "sensor_offset"}) {
     rows.push_back({.cause = cause,
@@ -243,6 +307,21 @@ void add_untested(std::vector<Candidate>& rows) {
                     .status = CandidateStatus::kNotIdentifiable,
                     .reason = kAbsorbed});
   }
+  if (search.ground.one_rate && !verdict.winner && verdict.conclusion == Conclusion::kNone) {
+    for (Candidate& candidate : rows) {
+      if (family_of(candidate.cause) != "memory") continue;
+      candidate.status = CandidateStatus::kNotIdentifiable;
+      candidate.reason = "at one rate a memory looks like the lag that the linear machine has";
+    }
+  }
+  const bool entered = verdict.winner && is_part_of("sensor_drift", verdict.winner->name());
+  if (entered || !follows_drift(search, data)) return;
+  auto drift = std::find_if(rows.begin(), rows.end(), [](const Candidate& c) { return c.cause == "sensor_drift"; });
+  if (drift == rows.end()) {
+    drift = rows.insert(rows.end(), {.cause = "sensor_drift", .rmse_heldout = std::numeric_limits<double>::quiet_NaN()});
+  }
+  drift->status = CandidateStatus::kNotIdentifiable;
+  drift->reason = "the linear machine has a mode slower than the recording, whose start follows a drift";
 }
 
 /// What a name needs beside its margins before it is given with confidence: evidence that chance gives once in a
@@ -277,6 +356,16 @@ std::string next_best(const MachineSearch& search, const MachineData& data, cons
   return {};
 }
 
+/// Whether what the linear machine leaves, far above the noise, answers the input though no law says how: a gain or a
+/// time constant that moves. Wander and drift that the input has no part in are noise, however slow.
+bool answers_without_a_law(const MachineSearch& search, const MachineData& data, double noise_rms) {
+  constexpr double kLeastShare = 0.25;
+  constexpr double kFarAboveFloors = 5;  // coloured noise is up to three times its floor, and loops hide in quantisation
+  if (data.records.empty() || search.ground.one_rate || search.linear.rms() < kFarAboveFloors * noise_rms) return false;
+  const LocalAnswer answer = local_answer(data, search.linear.fit);
+  return answer.share > kLeastShare && answer.p_value < kConfident;
+}
+
 void decline(MachineVerdict& verdict, bool structure) {
   verdict.winner = nullptr;
   verdict.alternatives.clear();
@@ -306,12 +395,15 @@ MachineVerdict conclude(const MachineSearch& search, const MachineData& data, do
       (black_box_wins || (explained > kAboveFloors * noise_rms && closed < 1 - 1 / (kOverLinear * kOverLinear)))) {
     supported = false;
   }
+  if (supported && bends_without_a_name(search, data, margin, best)) supported = false;
   if (!supported) {
-    verdict.candidates = weigh(search, best, {}, false);
     const Margin open_loop{.gain = kOverLinear, .significant = margin.significant};
     const bool law_wins = feedback && best && beats_linear(*best, search.linear, open_loop);
-    decline(verdict, above_floor && (black_box_wins || law_wins || bends_without_a_name(search, data, margin)));
-    add_untested(verdict.candidates);
+    decline(verdict,
+            above_floor && (black_box_wins || law_wins || bends_without_a_name(search, data, margin, nullptr) ||
+                            (!feedback && answers_without_a_law(search, data, noise_rms))));
+    verdict.candidates = weigh(search, best, {}, verdict.conclusion);
+    add_untested(search, data, verdict);
     return verdict;
   }
   verdict.winner = best;
@@ -325,7 +417,7 @@ MachineVerdict conclude(const MachineSearch& search, const MachineData& data, do
       }
     }
   }
-  verdict.candidates = weigh(search, best, verdict.alternatives, true);
+  verdict.candidates = weigh(search, best, verdict.alternatives, Conclusion::kNamed);
   const bool settled = std::all_of(verdict.alternatives.begin(), verdict.alternatives.end(),
                                    [](const auto& list) { return list.empty(); });
   const auto own = std::find_if(verdict.candidates.begin(), verdict.candidates.end(),
@@ -337,16 +429,17 @@ MachineVerdict conclude(const MachineSearch& search, const MachineData& data, do
     // structure that no law accounts for.
     const std::string rival = next_best(search, data, *best);
     if (rival.empty()) {
-      verdict.candidates = weigh(search, best, {}, false);
       decline(verdict, true);
-      add_untested(verdict.candidates);
+      verdict.candidates = weigh(search, best, {}, verdict.conclusion);
+      add_untested(search, data, verdict);
       return verdict;
     }
     verdict.alternatives.back().push_back(rival);
-    verdict.candidates = weigh(search, best, verdict.alternatives, true);
+    verdict.candidates = weigh(search, best, verdict.alternatives, Conclusion::kNamed);
     verdict.conclusion = Conclusion::kAmbiguous;
   }
-  add_untested(verdict.candidates);
+  if (verdict.conclusion == Conclusion::kAmbiguous) add_runners_up(verdict);
+  add_untested(search, data, verdict);
   return verdict;
 }
 

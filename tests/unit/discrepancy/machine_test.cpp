@@ -253,6 +253,24 @@ TEST(Machine, ALagUnderATriangleOfOneRateHasNothingWrong) {
   EXPECT_LT(d.gain.rmse_baseline, 1.1 * kNoise);
 }
 
+TEST(Machine, AGainThatSwingsIsStructureAndAReadingThatWandersIsNot) {
+  const auto u = random_command(2500, 30, 85);
+  Signal swings = u, wander(u.size());
+  Noise noise(86);
+  for (std::size_t t = 0; t < u.size(); ++t) {
+    swings[t] *= 1 + 0.35 * std::sin(2 * std::numbers::pi * 2.5 * static_cast<double>(t) / 2500);
+    if (t > 0) wander[t] = wander[t - 1] + 0.012 * noise.normal();
+  }
+  const auto swinging = diagnosis_of(recording(u, lag(swings, 0.2, kPeriod_s), kPeriod_s, kNoise, 87)).discrepancy;
+  EXPECT_EQ(swinging.conclusion, Conclusion::kUnexplained);
+  const auto unknown = std::find_if(swinging.candidates.begin(), swinging.candidates.end(),
+                                    [](const Candidate& c) { return c.cause == "unknown"; });
+  ASSERT_NE(unknown, swinging.candidates.end());
+  EXPECT_GT(unknown->probability, 0.5);
+  const auto wandering = recording(u, plus(lag(u, 0.2, kPeriod_s), wander), kPeriod_s, kNoise, 88);
+  EXPECT_EQ(diagnosis_of(wandering).discrepancy.conclusion, Conclusion::kNone);
+}
+
 TEST(Machine, ADampingThatGrowsWithTheSpeedIsNoCertainHysteresis) {
   const auto u = random_command(2000, 40, 89);
   const Oscillator damped{
@@ -507,6 +525,41 @@ TEST(MachineConclusion, ASpringThatGivesWayIsStructureWithoutAName) {
   const MachineVerdict verdict = conclude(search, MachineData{}, 0.1, false);
   EXPECT_EQ(verdict.conclusion, Conclusion::kUnexplained);
   EXPECT_EQ(verdict.winner, nullptr);
+}
+
+TEST(MachineConclusion, AStructureWithoutANameIsUnknownAndNotNothing) {
+  const auto search = bent({.law = MachineLaw::kSpring, .parameters = {0}, .feedback = {0.05, 0}});
+  const MachineVerdict verdict = conclude(search, MachineData{}, 0.1, false);
+  double most = 0;
+  std::string cause;
+  for (const Candidate& candidate : verdict.candidates) {
+    if (candidate.probability > most) cause = candidate.cause;
+    most = std::max(most, candidate.probability);
+  }
+  EXPECT_EQ(cause, "unknown");
+}
+
+TEST(MachineConclusion, ANamelessLawThatIsFarCloserThanANamedOneLeavesNoName) {
+  auto search = bent({.law = MachineLaw::kSpring, .parameters = {0}, .feedback = {0.05, 0}});
+  search.scores.push_back(scored({"saturation"}, std::vector<double>(12, 0.6), 56));
+  EXPECT_EQ(conclude(search, MachineData{}, 0.1, false).conclusion, Conclusion::kUnexplained);
+  search.scores.back() = scored({"saturation"}, std::vector<double>(12, 0.1), 56);
+  EXPECT_EQ(conclude(search, MachineData{}, 0.1, false).conclusion, Conclusion::kNamed);
+}
+
+TEST(MachineConclusion, AnEntryThatIsNotCertainHasARival) {
+  const auto search = searched({scored({"saturation", "friction"}, std::vector<double>(12, 0.3), 57),
+                                scored({"saturation", "backlash"}, std::vector<double>(12, 0.31), 58),
+                                scored({"dead_band", "friction"}, std::vector<double>(12, 0.36), 59)});
+  const MachineVerdict verdict = conclude(search, MachineData{}, 0.29, false);
+  ASSERT_EQ(verdict.conclusion, Conclusion::kAmbiguous);
+  for (std::size_t i = 0; i < verdict.winner->causes.size(); ++i) {
+    double probability = 0;
+    for (const Candidate& candidate : verdict.candidates) {
+      if (candidate.cause.find(verdict.winner->causes[i]) != std::string::npos) probability += candidate.probability;
+    }
+    EXPECT_TRUE(probability >= 0.95 || !verdict.alternatives[i].empty()) << verdict.winner->causes[i];
+  }
 }
 
 TEST(MachineFit, AModeSlowerThanTheRecordHasNoGainThatTheRecordShows) {
