@@ -334,6 +334,8 @@ bool is_beyond_doubt(const MachineSearch& search, const MachineData& data, const
                    [&](const std::string& cause) { return has_certain_size(cause, data, best.fit); })) {
     return false;
   }
+  // Rounded stops that nothing comes to rest at are a curve, and most curves have no name.
+  if (best.rms() > kAboveFloors * noise_rms && !has_true_stops(data, best.fit)) return false;
   if (best.rms() <= kNearFloor * noise_rms) return true;
   // Damping of any kind looks like a memory, and most kinds have no name.
   const auto remembers = [](const std::string& cause) { return family_of(cause) == "memory"; };

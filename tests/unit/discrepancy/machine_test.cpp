@@ -234,6 +234,13 @@ TEST(Machine, TheLevelsOfTwoRoundedStopsAreWhereTheReadingEnds) {
   }
 }
 
+TEST(Machine, AReadingThatGrowsSlowerAndSlowerButNeverStopsIsNoCertainSaturation) {
+  const auto u = random_command(2000, 40, 91);
+  const auto y = each(lag(u, 0.5, kPeriod_s), [](double x) { return std::asinh(8 * x); });
+  const Discrepancy d = diagnosis_of(recording(u, y, kPeriod_s, kNoise, 92)).discrepancy;
+  EXPECT_NE(d.conclusion, Conclusion::kNamed);
+}
+
 TEST(Machine, ALagUnderATriangleOfOneRateHasNothingWrong) {
   Signal u(2000);
   for (std::size_t t = 0; t < u.size(); ++t) {
