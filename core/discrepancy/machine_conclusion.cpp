@@ -149,8 +149,8 @@ bool bends_without_a_name(const MachineSearch& search, const MachineData& data, 
   return std::any_of(search.scores.begin(), search.scores.end(), [&](const MachineScore& score) {
     const auto& blocks = score.fit.machine.blocks;
     return score.held_out && score.causes.size() == 1 && beats_linear(score, search.linear, margin) &&
-           (!named || excluded(*named, score)) &&
-           std::any_of(blocks.begin(), blocks.end(), bends) && !has_effect(score, data, search.ground);
+           (!named || excluded(*named, score)) && std::any_of(blocks.begin(), blocks.end(), bends) &&
+           !has_effect(score, data, search.ground);
   });
 }
 
@@ -193,8 +193,8 @@ Candidate row(const std::string& cause, double rms) {
 }
 
 /// Every explanation once, with a weight by its held-out error; probabilities sum to 1. Where nothing was added, what
-/// is concluded about the linear machine outweighs the rest: a black box closer on the mean, but on too few blocks, does
-/// not outweigh `none`; structure without a name is `unknown`, however far a black box is from it.
+/// is concluded about the linear machine outweighs the rest: a black box closer on the mean, but on too few blocks,
+/// does not outweigh `none`; structure without a name is `unknown`, however far a black box is from it.
 std::vector<Candidate> weigh(const MachineSearch& search, const MachineScore* winner,
                              const std::vector<std::vector<std::string>>& alternatives, Conclusion conclusion) {
   constexpr double kDecided = 20, kUndecided = 0.5;
@@ -212,7 +212,8 @@ std::vector<Candidate> weigh(const MachineSearch& search, const MachineScore* wi
   const auto weight = [&](double mean) { return std::min(1.0, std::exp(-kSteepness * (mean - reference))); };
   const double none_bonus = std::log(kOverLinear / kOverNextFamily);
   for (const MachineScore& score : search.scores) {
-    Candidate candidate = row(score.name(), score.held_out ? held_out_rms(score) : std::numeric_limits<double>::quiet_NaN());
+    Candidate candidate =
+        row(score.name(), score.held_out ? held_out_rms(score) : std::numeric_limits<double>::quiet_NaN());
     if (!score.held_out) candidate.reason = "its fit to all samples was far from the best: not held out";
     double w = score.held_out ? weight(score.mean) : 0;
     if (&score != winner && winner && supported && excluded(score, *winner)) w = std::min(w, kExcludedWeight);
@@ -318,7 +319,8 @@ void add_untested(const MachineSearch& search, const MachineData& data, MachineV
   if (entered || !follows_drift(search, data)) return;
   auto drift = std::find_if(rows.begin(), rows.end(), [](const Candidate& c) { return c.cause == "sensor_drift"; });
   if (drift == rows.end()) {
-    drift = rows.insert(rows.end(), {.cause = "sensor_drift", .rmse_heldout = std::numeric_limits<double>::quiet_NaN()});
+    drift =
+        rows.insert(rows.end(), {.cause = "sensor_drift", .rmse_heldout = std::numeric_limits<double>::quiet_NaN()});
   }
   drift->status = CandidateStatus::kNotIdentifiable;
   drift->reason = "the linear machine has a mode slower than the recording, whose start follows a drift";
@@ -362,10 +364,19 @@ std::string next_best(const MachineSearch& search, const MachineData& data, cons
 /// time constant that moves. Wander and drift that the input has no part in are noise, however slow.
 bool answers_without_a_law(const MachineSearch& search, const MachineData& data, double noise_rms) {
   constexpr double kLeastShare = 0.25;
-  constexpr double kFarAboveFloors = 5;  // coloured noise is up to three times its floor, and loops hide in quantisation
+  constexpr double kFarAboveFloors =
+      5;  // coloured noise is up to three times its floor, and loops hide in quantisation
   if (data.records.empty() || search.ground.one_rate || search.linear.rms() < kFarAboveFloors * noise_rms) return false;
   const LocalAnswer answer = local_answer(data, search.linear.fit);
   return answer.share > kLeastShare && answer.p_value < kConfident;
+}
+
+/// A law far closer than the linear machine on the mean, though not on enough blocks to be given as a cause: the linear
+/// machine does not leave nothing.
+bool is_far_from_a_law(const MachineSearch& search) {
+  return std::any_of(search.scores.begin(), search.scores.end(), [&](const MachineScore& score) {
+    return score.held_out && score.mean < search.linear.mean - std::log(kBeyondDoubt);
+  });
 }
 
 void decline(MachineVerdict& verdict, bool structure) {
@@ -401,9 +412,9 @@ MachineVerdict conclude(const MachineSearch& search, const MachineData& data, do
   if (!supported) {
     const Margin open_loop{.gain = kOverLinear, .significant = margin.significant};
     const bool law_wins = feedback && best && beats_linear(*best, search.linear, open_loop);
-    decline(verdict,
-            above_floor && (black_box_wins || law_wins || bends_without_a_name(search, data, margin, nullptr) ||
-                            (!feedback && answers_without_a_law(search, data, noise_rms))));
+    decline(verdict, above_floor &&
+                         (black_box_wins || law_wins || bends_without_a_name(search, data, margin, nullptr) ||
+                          is_far_from_a_law(search) || (!feedback && answers_without_a_law(search, data, noise_rms))));
     verdict.candidates = weigh(search, best, {}, verdict.conclusion);
     add_untested(search, data, verdict);
     return verdict;

@@ -50,8 +50,8 @@ inline constexpr std::size_t kMachineSearchSamples = 8000;
 
 /// Thins a slow recording by whole strides as long as straight lines between the kept samples stay within
 /// `allowed_rms` of the output (in its own unit) and close to the input; what is still too long is cut into windows
-/// spread over the record, moved off where the input rests. Folds: recordings where there are three or more, windows likewise, else blocks, never a
-/// record's first.
+/// spread over the record, moved off where the input rests. Folds: recordings where there are three or more, windows
+/// likewise, else blocks, never a record's first.
 ///
 /// recordings  of one sample time and at least one sample each
 MachineData machine_data(std::span<const Recording> recordings, double allowed_rms, std::size_t most_samples);

@@ -17,12 +17,12 @@ std::vector<std::pair<std::string, ParameterEstimate>> cause_parameters(const st
                                                                         const std::string& input_unit,
                                                                         const std::string& output_unit);
 
-/// Whether the interval of a cause's own size leaves out that it has none: a width of 0, a ratio of 1, no curvature. True
-/// for causes whose parameters tell no size.
+/// Whether the interval of a cause's own size leaves out that it has none: a width of 0, a ratio of 1, no curvature.
+/// True for causes whose parameters tell no size.
 bool has_certain_size(const std::string& cause, const MachineData& data, const MachineFit& fit);
 
-/// False where the limits of a chain bend rather than stop: one is passed and yet follows more than a tenth of what enters
-/// it, or two are rounded so much that they leave no straight way between them. True for a chain without limits.
+/// False where the limits of a chain bend rather than stop: one is passed and yet follows more than a tenth of what
+/// enters it, or two are rounded so much that they leave no straight way between them. True for a chain without limits.
 bool has_true_stops(const MachineData& data, const MachineFit& fit);
 
 /// False for a law that stands in the chain but does nothing: width, curvature or amplitude next to zero, a level that

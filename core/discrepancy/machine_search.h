@@ -17,7 +17,7 @@ struct MachineScore {
   double mean = 0;                        ///< of log_rms: the geometric mean decides
   bool held_out = false;                  ///< false: its fit did not earn the effort
 
-  double rms() const;  ///< geometric mean over the groups
+  double rms() const;        ///< geometric mean over the groups
   std::string name() const;  ///< "friction", "orifice_flow+saturation", "none"
 };
 
@@ -30,7 +30,8 @@ struct MachineSearch {
   bool budget_spent = false;
 };
 
-/// Rms over all judged samples, what a reader is told. No decision rests on it: one bad block would outweigh all others.
+/// Rms over all judged samples, what a reader is told. No decision rests on it: one bad block would outweigh all
+/// others.
 double held_out_rms(const MachineScore& score);
 double black_box_held_out_rms(const MachineSearch& search);
 
@@ -66,8 +67,8 @@ std::vector<GainStep> gain_steps(const MachineData& data, const MachineFit& fit,
 void move_instant(const MachineData& data, int iterations, MachineFit& fit, MachineBudget& budget);
 
 /// At one rate a lag and a memory look alike, and laws are tried around a static core. Where a linear machine with
-/// dynamics is clearly closer than each of them, and the black box not closer than that, lags are all there is: it is the
-/// linear machine that the rest is measured against.
+/// dynamics is clearly closer than each of them, and the black box not closer than that, lags are all there is: it is
+/// the linear machine that the rest is measured against.
 void prefer_lags(const MachineData& data, MachineSearch& search, MachineBudget& budget);
 
 /// Everything: linear machines, single causes, pairs, black box. Explanations are screened by their fit to all rows

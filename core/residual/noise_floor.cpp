@@ -143,7 +143,8 @@ NoiseFloor noise_floor(const Recording& recording, std::span<const double> simul
     floor.samples += noise.samples;
   }
   const double resolution = smallest_step(recording) / std::sqrt(12.0);
-  const double holds = mean_squares.empty() ? std::numeric_limits<double>::infinity() : std::sqrt(median_of(mean_squares));
+  const double holds =
+      mean_squares.empty() ? std::numeric_limits<double>::infinity() : std::sqrt(median_of(mean_squares));
   if (!mean_squares.empty() && simulated.empty()) {
     floor.method = NoiseFloorMethod::kHolds;
     floor.rms = std::max(holds, resolution);

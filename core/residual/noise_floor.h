@@ -33,10 +33,10 @@ struct NoiseFloor {
 NoiseFloor noise_floor(const Recording& recording);
 
 /// The same for a machine that may ring from one step to the next, so that its holds have not settled and show its
-/// transients. `simulated` is a free run of the recording, one value per sample: holds in which that still moves are left
-/// out. The others count where they agree with one another, as parts of one stationary noise do, up to what coloured
-/// noise can be above the part of it that a prediction leaves; where they do not agree, or are too few to tell, the least
-/// of all estimates is the floor: a transient only adds to it.
+/// transients. `simulated` is a free run of the recording, one value per sample: holds in which that still moves are
+/// left out. The others count where they agree with one another, as parts of one stationary noise do, up to what
+/// coloured noise can be above the part of it that a prediction leaves; where they do not agree, or are too few to
+/// tell, the least of all estimates is the floor: a transient only adds to it.
 NoiseFloor noise_floor(const Recording& recording, std::span<const double> simulated);
 
 }  // namespace valvetriage

@@ -554,6 +554,15 @@ TEST(MachineConclusion, ANamelessLawThatIsFarCloserThanANamedOneLeavesNoName) {
   EXPECT_EQ(conclude(search, MachineData{}, 0.1, false).conclusion, Conclusion::kNamed);
 }
 
+TEST(MachineConclusion, ALawFarCloserOnTheMeanButOnTooFewBlocksDoesNotLeaveNothing) {
+  std::vector<double> uneven(12, 1.3);
+  std::fill(uneven.begin(), uneven.begin() + 4, 0.01);
+  const auto search = searched({scored({"saturation"}, uneven, 60)});
+  const MachineVerdict verdict = conclude(search, MachineData{}, 0.3, false);
+  EXPECT_EQ(verdict.conclusion, Conclusion::kUnexplained);
+  EXPECT_EQ(verdict.winner, nullptr);
+}
+
 TEST(MachineConclusion, AnEntryThatIsNotCertainHasARival) {
   const auto search = searched({scored({"saturation", "friction"}, std::vector<double>(12, 0.3), 57),
                                 scored({"saturation", "backlash"}, std::vector<double>(12, 0.31), 58),
