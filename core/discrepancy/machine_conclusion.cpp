@@ -326,6 +326,19 @@ void add_untested(const MachineSearch& search, const MachineData& data, MachineV
   drift->reason = "the linear machine has a mode slower than the recording, whose start follows a drift";
 }
 
+/// Whether the second of two causes leaves so much of what the first one leaves that it may be no cause, only what the
+/// first law gets wrong.
+bool mends_the_first(const MachineSearch& search, const MachineScore& best, double noise_rms) {
+  constexpr double kMostLeft = 0.25;  // of the squares above the noise
+  if (best.causes.size() < 2) return false;
+  double single = std::numeric_limits<double>::infinity();
+  for (const MachineScore& score : search.scores) {
+    if (score.held_out && score.causes.size() == 1 && contains(best, score)) single = std::min(single, score.rms());
+  }
+  const auto above = [&](double rms) { return rms * rms - noise_rms * noise_rms; };
+  return std::isfinite(single) && above(best.rms()) > kMostLeft * above(single);
+}
+
 /// What a name needs beside its margins before it is given with confidence: evidence that chance gives once in a
 /// hundred, and either nearly nothing left unexplained or twice the accuracy of the next family. What leaves much
 /// structure behind can be beaten by a law that is not in the vocabulary (LESSONS on model bias).
@@ -338,6 +351,7 @@ bool is_beyond_doubt(const MachineSearch& search, const MachineData& data, const
   }
   // Rounded stops that nothing comes to rest at are a curve, and most curves have no name.
   if (best.rms() > kAboveFloors * noise_rms && !has_true_stops(data, best.fit)) return false;
+  if (best.rms() > kAboveFloors * noise_rms && mends_the_first(search, best, noise_rms)) return false;
   if (best.rms() <= kNearFloor * noise_rms) return true;
   // Damping of any kind looks like a memory, and most kinds have no name.
   const auto remembers = [](const std::string& cause) { return family_of(cause) == "memory"; };

@@ -527,6 +527,17 @@ MachineSearch bent(MachineBlock block) {
   return search;
 }
 
+TEST(MachineConclusion, ASecondCauseThatLeavesMuchOfWhatTheFirstLeavesIsNotCertain) {
+  // Noise of 0.07; of what the first law leaves above it, the second one leaves a fifth or two fifths.
+  const auto concluded = [](double by_both) {
+    const auto search = searched({scored({"orifice_flow"}, std::vector<double>(12, 0.2), 71),
+                                  scored({"orifice_flow", "saturation"}, std::vector<double>(12, by_both), 72)});
+    return conclude(search, MachineData{}, 0.07, false).conclusion;
+  };
+  EXPECT_EQ(concluded(0.11), Conclusion::kNamed);
+  EXPECT_NE(concluded(0.14), Conclusion::kNamed);
+}
+
 TEST(MachineConclusion, ASpringThatGivesWayIsStructureWithoutAName) {
   const auto search = bent({.law = MachineLaw::kSpring, .parameters = {0}, .feedback = {0.05, 0}});
   const MachineVerdict verdict = conclude(search, MachineData{}, 0.1, false);
