@@ -39,8 +39,7 @@ constexpr double kCertainLine = 1e-6;
 constexpr double kLeastOfALine = 0.01;
 // A cause that the prior carries, a delay or a gain, neither helps nor harms held-out recordings: this much by chance.
 constexpr double kMostHarm = 0.01;
-// Before its tests a returned valve is as likely to have a fault as to have none: half of all warranty returns show
-// no fault that can be found.
+// Of a returned valve nothing is known before its tests: as likely a fault as none.
 constexpr double kOddsOfAFault = 1;
 // Of a name whose extension leaves too much: as likely as not.
 constexpr double kUnexplainedName = 0.5;
@@ -383,14 +382,12 @@ std::vector<Candidate> candidates_of(const Grounds& grounds, const Discrepancy& 
   const std::vector<Ranked> unranked;
   const auto& ranked = laws == 0 ? searched.first.ranked : laws == 1 ? searched.places.front().ranked : unranked;
   // Where nothing is found, how much of the doubt is whose: a fault too small for these tests is still one.
-  std::map<std::string, double> too_small;
+  const auto odds_of_being_too_small = [&](const Tested& tested) {
+    const double share = 1.0 / static_cast<double>(searched.first.survey.tested.size());
+    return is_none ? kOddsOfAFault * share * odds_at_unknown_size(tested.p_value) : 0;
+  };
   double odds_of_any = 0;
-  if (is_none) {
-    for (const Tested& tested : searched.first.survey.tested) {
-      const double share = 1.0 / static_cast<double>(searched.first.survey.tested.size());
-      odds_of_any += too_small[tested.cause()] = kOddsOfAFault * share * odds_at_unknown_size(tested.p_value);
-    }
-  }
+  for (const Tested& tested : searched.first.survey.tested) odds_of_any += odds_of_being_too_small(tested);
   std::vector<Candidate> candidates;
   candidates.push_back({.cause = "none",
                         .probability = is_none ? 1 / (1 + odds_of_any) : 0.0,
@@ -398,8 +395,9 @@ std::vector<Candidate> candidates_of(const Grounds& grounds, const Discrepancy& 
                         .reason = is_none ? "nothing beyond what good valves leave"
                                           : "the simulation leaves more than any good valve would"});
   for (const Tested& tested : searched.first.survey.tested) {
-    Candidate candidate{.cause = tested.cause(), .rmse_heldout = kUnknown};
-    if (is_none) candidate.probability = too_small[tested.cause()] / (1 + odds_of_any);
+    Candidate candidate{.cause = tested.cause(),
+                        .probability = odds_of_being_too_small(tested) / (1 + odds_of_any),
+                        .rmse_heldout = kUnknown};
     candidate.reason = fmt::format("evidence {:.1f} of {:.1f} promised, noise alone {:.1f}, in a good valve p {:.2g}",
                                    tested.evidence.value, tested.promise.value, tested.noise_reduction, tested.p_value);
     if (laws == 1 && candidate.cause == discrepancy.causes.front().cause) {
