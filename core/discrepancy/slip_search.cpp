@@ -21,7 +21,7 @@ constexpr std::size_t kFitted = 2;                      // of the grid, and of w
 constexpr int kFirstFits = 2, kLastFits = 6, kSteps = 4;
 constexpr double kLeastGain = 10;  // of the scale-free cost: an error 1 % smaller in 500 samples
 constexpr double kSmallestGain = 1e-4;
-constexpr Index kLawParameters = 3;
+constexpr Index kLawParameters = 4;
 constexpr double kFirstStep = 0.06;
 constexpr int kHalvings = 4;
 // A search that creeps gains nothing that a decision turns on: a noise variance at least, and no new round after this
@@ -58,7 +58,7 @@ std::optional<std::pair<double, double>> forces_shown(const std::vector<Slip>& s
 /// With each speed of a fall from breakaway to kinetic force.
 std::vector<Parameters> with_speeds(double breakaway_a, double kinetic_a, double range_a) {
   std::vector<Parameters> points;
-  for (const double speed : kStribeckSpeeds) points.push_back({breakaway_a, kinetic_a, speed * range_a});
+  for (const double speed : kStribeckSpeeds) points.push_back({breakaway_a, kinetic_a, speed * range_a, 0});
   return points;
 }
 
@@ -105,7 +105,7 @@ void search_free(const ValveFitProblem& problem, Point& point) {
   for (int halvings = 0; halvings < kHalvings; ++halvings, step *= 0.5) {
     for (bool improves = true; improves && free_runs < kMostFreeRuns;) {
       improves = false;
-      for (Index entry = problem.shared() - kLawParameters; entry < problem.shared(); ++entry) {
+      for (Index entry = problem.shared() - kLawParameters; entry + 1 < problem.shared(); ++entry) {
         for (const double by : {std::exp(step), std::exp(-step)}) {
           Point tried = point;
           tried.v(entry) *= by;
@@ -149,6 +149,8 @@ bool makes_stick(const LawInFit& law, const Explanation& beside) {
 std::vector<JointStart> slip_starts(const Explanation& beside, const LawInFit& law, const VectorXd& place) {
   ValveFitOptions options = *beside.options;
   options.laws.push_back(law);
+  // How the forces grow along the way shows once they are known.
+  options.laws.back().step.back() = 0;
   ValveFitProblem problem(*beside.problem, options);
   const double range_a = options.knots.back() - options.knots.front();
 

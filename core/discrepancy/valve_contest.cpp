@@ -231,27 +231,19 @@ std::vector<const Tested*> late_entries(const std::string& cause, const Survey& 
   return late;
 }
 
-/// ln likelihood of an explanation, tempered; each parameter pays the half logarithm of the samples that count.
-double log_likelihood(double cost, Index freedoms, double inflation, double samples) {
-  return -0.5 * cost / inflation - 0.5 * static_cast<double>(freedoms) * std::log(std::max(samples / inflation, 2.0));
+/// ln likelihood of an explanation by a law, tempered; each parameter pays the half logarithm of the samples that count
+/// (Schwarz, Ann. Stat. 6 (1978) 461). Where a memory stood when a recording began its first reversals wipe out, and no
+/// sample after them tells of it: it pays what noise gives a parameter.
+double log_likelihood(double cost, const LawFit& law, double inflation, double samples) {
+  const Index lasting = law.law.law->memory ? static_cast<Index>(law.law.shared()) : law.freedoms;
+  return -0.5 * cost / inflation - 0.5 * static_cast<double>(law.freedoms - lasting) -
+         0.5 * static_cast<double>(lasting) * std::log(std::max(samples / inflation, 2.0));
 }
 
 double squares_of(const Stack& residual) {
   double squares = 0;
   for (const VectorXd& r : residual) squares += r.squaredNorm();
   return squares;
-}
-
-/// Brings the likelihoods together where they differ by what one place in the recordings says and another denies: in
-/// white noise 2 z² of a contrast is the likelihood ratio itself, anything else makes it less.
-void keep_consistent(const Ranked& winner, double weight, std::vector<Ranked>& ranked) {
-  for (Ranked& r : ranked) {
-    if (r.cause == winner.cause || r.p_value > kRivalInGoodValves) continue;
-    const double z = contrast(winner.residual, r.residual).z;
-    const double by_prior = 0.5 * (r.penalty - winner.penalty);
-    const double allowed = std::max(0.0, std::copysign(2 * weight * z * z, z) + by_prior);
-    r.log_likelihood = std::max(r.log_likelihood, winner.log_likelihood - allowed);
-  }
 }
 
 /// What more than one good valve in twenty shows as well does not tell this valve from them: it is nobody's rival. But
@@ -264,10 +256,10 @@ bool competes_with(const std::string& winner, const Ranked& r) {
 /// Probabilities of the winner and its rivals. No rival leads: the winner is the best of those that stand out.
 void normalise(const std::string& winner, std::vector<Ranked>& ranked) {
   const auto won = std::find_if(ranked.begin(), ranked.end(), [&](const Ranked& r) { return r.cause == winner; });
-  const double best = won->log_likelihood;
+  const double best = won->borne_out;
   double sum = 0;
   for (Ranked& r : ranked) {
-    r.probability = competes_with(winner, r) ? std::exp(std::min(r.log_likelihood - best, 0.0)) : 0;
+    r.probability = competes_with(winner, r) ? std::exp(std::min(r.borne_out - best, 0.0)) : 0;
     sum += r.probability;
   }
   for (Ranked& r : ranked) r.probability /= sum;
@@ -304,11 +296,6 @@ double clearly_more(const Ranked& winner, const Ranked& rival) {
   return are_kin(winner, rival) ? kClearlyMoreInFamily : kClearlyMore;
 }
 
-/// Stick-slip whose kinetic force is that of breakaway is play: one that fits worse has not found its best.
-bool is_never_out(const Ranked& rival, const Ranked& winner) {
-  return rival.sticks && !winner.sticks;
-}
-
 /// Whether an explanation leaves nothing that good valves do not leave.
 bool leaves_the_usual(const LinearisedValve& linear, const ValveDiagnosisOptions& options) {
   return leftover_of(linear, options).p_value > kUsualLeftover;
@@ -317,26 +304,65 @@ bool leaves_the_usual(const Explanation& explanation, const ValveDiagnosisOption
   return leaves_the_usual(LinearisedValve(*explanation.problem, explanation.v), options);
 }
 
+/// The fit of a contest's winner, looked at once and only where something turns on it.
+class WinnersFit {
+ public:
+  WinnersFit(const Explanation* fit, const ValveDiagnosisOptions& options) : fit_(fit), options_(options) {}
+
+  bool leaves_the_usual() {
+    if (!is_looked_at_) usual_ = fit_ && valvetriage::leaves_the_usual(*fit_, options_);
+    is_looked_at_ = true;
+    return usual_;
+  }
+  bool leaves_memory() const {
+    return fit_ && valvetriage::leaves_memory(*fit_->laws.back().law.law, fit_->v, options_);
+  }
+
+ private:
+  const Explanation* fit_;
+  const ValveDiagnosisOptions& options_;
+  bool is_looked_at_ = false, usual_ = false;
+};
+
+/// Whether likelihood alone tells two causes apart, by more than good valves differ by.
+bool is_told_apart(const Ranked& winner, const Ranked& rival, const ValveDiagnosisOptions& options) {
+  const double against = 2 * (winner.log_likelihood - rival.log_likelihood);
+  return against >= kLeastEvidence + scatter_between(winner, rival, options);
+}
+
+/// Brings the likelihoods together where they differ by what one place in the recordings says and another denies: in
+/// white noise 2 z² of a contrast is the likelihood ratio itself, what a law gets wrong makes it less. Where the winner
+/// gets nothing wrong and the other does, one place is enough.
+void keep_consistent(const Ranked& winner, double weight, WinnersFit& fit, std::vector<Ranked>& ranked,
+                     const ValveDiagnosisOptions& options) {
+  for (Ranked& r : ranked) {
+    r.borne_out = r.log_likelihood;
+    if (r.cause == winner.cause || r.p_value > kRivalInGoodValves) continue;
+    const double z = contrast(winner.residual, r.residual).z;
+    const double by_prior = 0.5 * (r.penalty - winner.penalty);
+    const double allowed = std::max(0.0, std::copysign(2 * weight * z * z, z) + by_prior);
+    if (winner.log_likelihood - allowed <= r.log_likelihood) continue;
+    if (is_told_apart(winner, r, options) && fit.leaves_the_usual()) continue;
+    r.borne_out = winner.log_likelihood - allowed;
+  }
+}
+
 /// A fitted law is never the whole physics: where a rival removes nearly as much of the cost, or ranks above,
 /// likelihood alone does not settle the name, and such rivals keep a share of the probability. What the law gets wrong
-/// shows in what it leaves: a rival is out where the evidence against it is beyond what good valves differ by, and it
-/// leaves clearly more than the winner or the winner leaves nothing unusual. Laws of one family look alike and differ
-/// in what a baseline without a good valve's own friction gets wrong first: between them it takes more, and nothing is
-/// settled while a part of what they are about is left in the valve.
-void keep_margins(Contest& contest, std::span<const Explanation> fitted, const ValveDiagnosisOptions& options) {
+/// shows in what it leaves: a rival is out where the evidence against it is beyond what good valves differ by and borne
+/// out, and it leaves clearly more than the winner or the winner leaves nothing unusual. Laws of one family look alike
+/// and differ in what a baseline without a good valve's own friction gets wrong first: between them it takes more, and
+/// nothing is settled while a part of what they are about is left in the valve.
+void keep_margins(Contest& contest, WinnersFit& fit, const ValveDiagnosisOptions& options) {
   std::vector<Ranked>& ranked = contest.ranked;
   const Ranked won =
       *std::find_if(ranked.begin(), ranked.end(), [&](const Ranked& r) { return r.cause == contest.cause; });
-  const Explanation* winner = fit_of(won.cause, fitted);
-  const bool is_family_open = winner && leaves_memory(*winner->laws.back().law.law, winner->v, options);
-  std::optional<bool> usual;
+  const bool is_family_open = fit.leaves_memory();
   const auto is_out = [&](const Ranked& r) {
-    if (is_never_out(r, won)) return false;
-    const double against = 2 * (won.log_likelihood - r.log_likelihood);
-    if (against < kLeastEvidence + scatter_between(won, r, options)) return false;
-    if (won.left + won.reduction - r.reduction > clearly_more(won, r) * won.left) return true;
-    if (!usual) usual = winner && leaves_the_usual(*winner, options);
-    return *usual;
+    if (!is_told_apart(won, r, options)) return false;
+    if (2 * (won.borne_out - r.borne_out) < kLeastEvidence) return false;
+    const bool leaves_more = won.left + won.reduction - r.reduction > clearly_more(won, r) * won.left;
+    return leaves_more || fit.leaves_the_usual();
   };
   double sum = 0;
   for (Ranked& r : ranked) {
@@ -359,7 +385,7 @@ double rank_of(const Tested& tested, double reduction, std::span<const CauseOnGo
                double samples) {
   const CauseOnGoodValves* good = on_good_valves(causes, tested.cause());
   const double excess = reduction / inflation - (good ? good->evidence_mean : 0);
-  return log_likelihood(-excess * inflation, tested.fit.freedoms, inflation, samples);
+  return log_likelihood(-excess * inflation, tested.fit, inflation, samples);
 }
 
 /// Probability that a good valve has as much of the law that came last, by its size and the error of the whole fit. 0
@@ -378,7 +404,7 @@ double p_value_of_fitted_size(const Explanation& fitted, double size, const Expl
 /// A law fitted together with the valve, before it is compared. `error` is what the valve alone leaves at the rows.
 Ranked ranked_fit(const Tested& tested, const Explanation& beside, const Stack& error, const Explanation& fitted,
                   const Contest& contest, double laws, const ValveDiagnosisOptions& options) {
-  Ranked r{.cause = tested.cause(), .fitted_jointly = true, .sticks = makes_stick(tested.fit.law, beside)};
+  Ranked r{.cause = tested.cause(), .fitted_jointly = true};
   r.reduction = beside.cost - fitted.cost;
   r.left = fitted.cost - noise_cost(fitted);
   r.residual = residual_at_rows(fitted);
@@ -417,9 +443,10 @@ void settle(Contest& contest, std::span<const Explanation> fitted, double laws, 
   if (!best) return;
   contest.cause = best->cause;
   contest.p_value = std::min(1.0, laws * best->p_value);
-  keep_consistent(*best, contest.weight, contest.ranked);
+  WinnersFit fit(fit_of(contest.cause, fitted), options);
+  keep_consistent(*best, contest.weight, fit, contest.ranked, options);
   normalise(contest.cause, contest.ranked);
-  keep_margins(contest, fitted, options);
+  keep_margins(contest, fit, options);
 }
 
 /// The laws of a survey as entries of the contest: with their joint fits, or with what the survey says of them.
@@ -435,7 +462,6 @@ void enter(Contest& contest, const JointFits& joint, const LinearisedValve& line
   for (const Tested& tested : contest.survey.tested) {
     if (std::find(joint.racing.begin(), joint.racing.end(), &tested) != joint.racing.end()) continue;
     Ranked r{.cause = tested.cause(), .reduction = tested.fit.verified, .evidence = tested.evidence};
-    r.sticks = makes_stick(tested.fit.law, beside);
     r.log_likelihood = rank_of(tested, tested.fit.verified, options.causes, contest.inflation, contest.samples);
     r.p_value = tested.p_value;
     r.residual = tested.fit.residual;
@@ -520,7 +546,6 @@ double own_excess(const Mechanism& law, const VectorXd& v, const ValveFitOptions
 
 double lead_asked_for(const Ranked& winner, const Ranked& rival, bool leaves_usual, double inflation,
                       const ValveDiagnosisOptions& options) {
-  if (is_never_out(rival, winner)) return std::numeric_limits<double>::infinity();
   const double told_apart = kLeastEvidence + scatter_between(winner, rival, options);
   return leaves_usual ? told_apart : std::max(told_apart, (clearly_more(winner, rival) - 1) * winner.left / inflation);
 }

@@ -36,6 +36,7 @@ Survey survey_laws(const LinearisedValve& fit, const ValveFitOptions& options);
 struct Ranked {
   std::string cause;
   double log_likelihood = 0;
+  double borne_out = 0;  ///< the same as far as its distance from the winner's is borne out in more than one place
   double reduction = 0;  ///< of the cost
   Evidence evidence;     ///< no more of it than is consistent
   double p_value = 1;    ///< of its evidence and size in a good valve, one law alone; of what it accounts for, over the
@@ -45,7 +46,6 @@ struct Ranked {
   double left = 0;       ///< of the cost, above what noise alone makes; of joint fits
   double probability = 0;
   bool fitted_jointly = false;  ///< together with the valve
-  bool sticks = false;          ///< makes the spool stick that moves freely without it
   bool stands_out = false;      ///< from what good valves show, all laws searched, or with what it accounts for
 };
 

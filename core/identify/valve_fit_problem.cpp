@@ -316,6 +316,7 @@ LawContext ValveFitProblem::context(const VectorXd& v, std::size_t recording, Pl
 ValveFitProblem::Blocks ValveFitProblem::blocks_of(const VectorXd& v, std::size_t recording, std::size_t laws) const {
   Blocks blocks{.valve = to_parameters(v.head(kParameters), options_.reference_psi, options_.usual)};
   blocks.valve.volume.highest_psi = v(kParameters + knots_ - 1);
+  blocks.friction.middle_a = 0.5 * (options_.knots.front() + options_.knots.back());
   for (std::size_t l = 0; l < laws; ++l) {
     const LawInFit& law = options_.laws[l];
     if (!law.law->reshape || !acts(law, recording)) continue;

@@ -2,6 +2,7 @@
 //
 //   in a valve, inside the spool's motion (core/model/spool_friction.h):
 //   ẍ = ωn² (u − x − f) − 2 ζ ωn ẋ,  |f| ≤ F_s at rest,  f = sign(ẋ) (F_k + (F_s − F_k) e^(−(ẋ/v_s)²)) in motion
+//   F_s, F_k times 1 + g (x − middle of the range): one force takes other currents where the magnet pulls otherwise
 //   in a model without a spool, its stick-slip limit at the input:
 //   held while |x − held| ≤ F_s;   else held ← x − sign(x − held) min(F_k, F_s)        forces as input equivalents
 //
@@ -22,25 +23,29 @@
 namespace valvetriage {
 namespace {
 
-enum Parameter { kBreakaway, kKinetic, kStribeck };
+enum Parameter { kBreakaway, kKinetic, kStribeck, kGrowth };
 
-constexpr std::array<MechanismParameter, 3> kParameters{
+constexpr std::array<MechanismParameter, 4> kParameters{
     {{"breakaway_A", "A", "force that sets the resting spool in motion"},
      {"kinetic_A", "A", "force on the moving spool; at most breakaway"},
-     {"stribeck_A_per_s", "A/s", "speed at which friction has fallen most of the way from breakaway to kinetic"}}};
+     {"stribeck_A_per_s", "A/s", "speed at which friction has fallen most of the way from breakaway to kinetic"},
+     {"growth_per_A", "1/A", "of both forces along the input, relative to those in the middle of the range", 0, 0.3}}};
 constexpr std::array<std::string_view, 3> kConfusedWith{"backlash", "hysteresis", "dead_band"};
 
 MechanismBounds bounds(const MechanismScales& scales) {
   const double range = input_range(scales);
   const double slowest = 0.003 * range, fastest = 0.2 * range / scales.sample_period_s;
-  MechanismBounds bounds{.lower = {0, 0, slowest},
-                         .upper = {0.5 * range, 0.5 * range, fastest},
-                         .step = {1e-4 * range, 1e-4 * range, 1e-3 * range},
+  const double growth = most_growth(range);
+  MechanismBounds bounds{.lower = {0, 0, slowest, -growth},
+                         .upper = {0.5 * range, 0.5 * range, fastest, growth},
+                         .step = {1e-4 * range, 1e-4 * range, 1e-3 * range, 1e-3 * growth},
                          .starts = {}};
   for (const double breakaway : spread(0.005 * range, 0.08 * range, 4)) {
     for (const double kinetic : {0.65 * breakaway, 0.85 * breakaway}) {
-      for (const double speed : {0.1 * range, 0.6 * range}) bounds.starts.push_back({breakaway, kinetic, speed});
+      for (const double speed : {0.1 * range, 0.6 * range}) bounds.starts.push_back({breakaway, kinetic, speed, 0});
     }
+    // Coulomb's, which is play where it is slow: what play explains this begins with.
+    bounds.starts.push_back({breakaway, breakaway, 0.6 * range, 0});
   }
   return bounds;
 }
@@ -49,6 +54,7 @@ void reshape(std::span<const double> parameters, ValveBlocks blocks) {
   blocks.friction.breakaway_a += parameters[kBreakaway];
   blocks.friction.kinetic_a += std::min(parameters[kKinetic], parameters[kBreakaway]);
   blocks.friction.stribeck_a_per_s = parameters[kStribeck];
+  blocks.friction.growth_per_a = parameters[kGrowth];
 }
 
 /// A dry friction F holds the spool over 2 F.
@@ -64,10 +70,11 @@ void apply(std::span<const double> parameters, const LawContext& context, std::s
   const double breakaway = parameters[kBreakaway];
   const double kinetic = std::min(parameters[kKinetic], breakaway);
   const std::span<const double> driver = context.driver.empty() ? x : context.driver;
+  const SpoolFriction friction{.growth_per_a = parameters[kGrowth], .middle_a = context.input_middle};
   double held = x.empty() ? 0 : driver[0];
   for (std::size_t i = 0; i < x.size(); ++i) {
-    const double pull = driver[i] - held;
-    if (std::abs(pull) > breakaway) held = driver[i] - std::copysign(kinetic, pull);
+    const double pull = driver[i] - held, share = friction.share_at(held);
+    if (std::abs(pull) > breakaway * share) held = driver[i] - std::copysign(kinetic * share, pull);
     x[i] -= driver[i] - held;
   }
 }
@@ -85,7 +92,9 @@ extern constinit const Mechanism kFriction{
     .family = "memory",
     .origin = "valve",
     .wrong = "sticks until the force difference passes breakaway, then slips (stiction, Coulomb)",
-    .law = "|f| ≤ F_s at rest, f = sign(ẋ) (F_k + (F_s − F_k) exp(−(ẋ/v_s)²)) in motion",
+    .law =
+        "|f| ≤ F_s at rest, f = sign(ẋ) (F_k + (F_s − F_k) exp(−(ẋ/v_s)²)) in motion; F_s, F_k times 1 + g (x − "
+        "middle)",
     .source =
         "Armstrong-Hélouvry, Dupont, Canudas de Wit, Automatica 30 (1994) 1083; Choudhury, Thornhill, Shah, "
         "Control Eng. Practice 13 (2005) 641",

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <span>
 
 #include "core/model/valve_dynamics.h"
@@ -10,6 +11,9 @@ namespace valvetriage {
 ///
 ///   ẍ = ωn² (u − x − f) − 2 ζ ωn ẋ,   |f| ≤ F_s at rest,   f = sign(ẋ) (F_k + (F_s − F_k) e^(−(ẋ/v_s)²)) in motion
 ///
+/// with F_s and F_k growing by the way of the spool, both times 1 + growth (x − middle): one force takes more current
+/// where the magnet saturates, less where its force grows with the square of the current, and lands rub unevenly.
+///
 /// Source: Stribeck's curve as in Armstrong-Hélouvry, Dupont, Canudas de Wit, Automatica 30 (1994) 1083; the force that
 /// would stop the motion, clamped to the friction force, implicitly: Karnopp, J. Dyn. Sys. Meas. Control 107 (1985)
 /// 100.
@@ -17,6 +21,11 @@ struct SpoolFriction {
   double breakaway_a = 0;       ///< F_s ≥ 0; 0: none [A]
   double kinetic_a = 0;         ///< F_k, at most F_s [A]
   double stribeck_a_per_s = 0;  ///< v_s > 0, speed in input equivalents [A/s]
+  double growth_per_a = 0;      ///< of both forces along the way, from its middle [1/A]
+  double middle_a = 0;          ///< [A]
+
+  /// Both forces at x, over their values in the middle; never less than a twentieth, to one side of any range.
+  double share_at(double x) const { return std::max(1 + growth_per_a * (x - middle_a), 0.05); }
 
   bool operator==(const SpoolFriction&) const = default;
 };

@@ -25,10 +25,13 @@ struct LawText {
 
 constexpr LawText kLawTexts[] = {
     {"friction", "double held{n};", "m->held{n} = driver;",
-     "if (fabs(driver - m->held{n}) > {0}) m->held{n} = driver - copysign(fmin({1}, {0}), driver - m->held{n});\n"
+     "{ const double share = fmax(1 + {3} * (m->held{n} - MIDDLE), 0.05);\n"
+     "    if (fabs(driver - m->held{n}) > share * {0})\n"
+     "      m->held{n} = driver - copysign(share * fmin({1}, {0}), driver - m->held{n}); }\n"
      "  x -= driver - m->held{n};"},
-    {"backlash", "double held{n};", "m->held{n} = x + ({1}) * 0.5 * ({0});",
-     "m->held{n} = fmin(fmax(m->held{n}, x - 0.5 * ({0})), x + 0.5 * ({0}));\n"
+    {"backlash", "double held{n};", "m->held{n} = x + ({2}) * 0.5 * ({0}) * fmax(1 + {1} * (x - MIDDLE), 0.05);",
+     "{ const double half = 0.5 * ({0}) * fmax(1 + {1} * (x - MIDDLE), 0.05);\n"
+     "    m->held{n} = fmin(fmax(m->held{n}, x - half), x + half); }\n"
      "  x -= x - m->held{n};"},
     {"hysteresis", "double stop{n}[8], last{n};",
      "m->last{n} = driver;\n"
@@ -236,13 +239,13 @@ static void spool_advance(valvetriage_model *m, double start, double end) {
   m->to[interval % INTERVALS] = end;
   for (k = 0; k < SUBSTEPS; ++k) {
     const double commanded = spool_input(m, (double)interval + (k + 0.5) / SUBSTEPS);
-    const double relative = m->spool_v / STRIBECK;
+    const double relative = m->spool_v / STRIBECK, share = fmax(1 + GROWTH * (m->spool_x - MIDDLE), 0.05);
     double u, force, free_v, moved;
     m->lagged += HALF_WAY * (commanded - m->lagged);
     u = m->lagged;
     m->lagged += HALF_WAY * (commanded - m->lagged);
     if (fabs(commanded - m->lagged) < 1e-9) m->lagged = commanded;
-    force = KINETIC + (relative * relative < 30 ? (BREAKAWAY - KINETIC) * exp(-relative * relative) : 0);
+    force = share * (KINETIC + (relative * relative < 30 ? (BREAKAWAY - KINETIC) * exp(-relative * relative) : 0));
     free_v = m->spool_v * keep + push * (u - m->spool_x);
     moved = (free_v - fmin(fmax(free_v, -push * force), push * force)) / (1 + stiff + damp);
     m->spool_x += 0.5 * h * (m->spool_v + moved);
@@ -478,7 +481,7 @@ std::string spool_constants(const ValveDynamics& spool, const SpoolFriction& fri
          c_define("SPOOL_DELAY", delay) + c_define("NATURAL", spool.natural_frequency_rad_s) +
          c_define("DAMPING", spool.damping_ratio) + c_define("BREAKAWAY", friction.breakaway_a) +
          c_define("KINETIC", std::min(friction.kinetic_a, friction.breakaway_a)) +
-         c_define("STRIBECK", friction.stribeck_a_per_s) +
+         c_define("STRIBECK", friction.stribeck_a_per_s) + c_define("GROWTH", friction.growth_per_a) +
          c_define("HALF_WAY", lag_s > 0 ? -std::expm1(-0.5 * period_s / substeps / lag_s) : 1);
 }
 

@@ -42,7 +42,7 @@ TEST(Advise, ALoopAndALagAreToldApartByAnotherRate) {
 }
 
 TEST(Advise, TheInputIsReadyForTheStand) {
-  const std::vector<Alternative> open{alternative("friction", {0.02, 0.01, 0.3}, 0.6),
+  const std::vector<Alternative> open{alternative("friction", {0.02, 0.01, 0.3, 0}, 0.6),
                                       alternative("leakage", {0.05}, 0.4)};
   const auto next = advise_next_test(open, kStand);
   ASSERT_TRUE(next.has_value());
@@ -71,8 +71,8 @@ TEST(Advise, NoAlternativeNoTest) {
 }
 
 TEST(Advise, MoreNoiseTellsLess) {
-  const std::vector<Alternative> open{alternative("backlash", {0.0025, 0}, 0.5),
-                                      alternative("friction", {0.0025, 0.001, 0.3}, 0.5)};
+  const std::vector<Alternative> open{alternative("backlash", {0.0025, 0, 0}, 0.5),
+                                      alternative("friction", {0.0025, 0.001, 0.3, 0}, 0.5)};
   AdviceOptions loud = kStand;
   loud.noise_rms = 8;
   const auto quiet = advise_next_test(open, kStand), drowned = advise_next_test(open, loud);
@@ -89,8 +89,8 @@ TEST(Advise, AParameterThatMayStillMoveTellsLessThanAKnownOne) {
 }
 
 TEST(Advise, IsTheSameEveryTime) {
-  const std::vector<Alternative> open{alternative("backlash", {0.01, 0}, 0.5),
-                                      alternative("friction", {0.01, 0.006, 0.3}, 0.5)};
+  const std::vector<Alternative> open{alternative("backlash", {0.01, 0, 0}, 0.5),
+                                      alternative("friction", {0.01, 0.006, 0.3, 0}, 0.5)};
   const auto a = advise_next_test(open, kStand), b = advise_next_test(open, kStand);
   ASSERT_TRUE(a && b);
   EXPECT_EQ(a->why, b->why);

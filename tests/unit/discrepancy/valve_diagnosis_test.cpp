@@ -292,7 +292,7 @@ TEST(ValveDiagnosis, ASizeIsWhatGoodValvesDoNotHave) {
 TEST(ValveDiagnosis, ARivalThatLeavesClearlyMoreIsNoRival) {
   // Gain loss and a stiffer spring remove most of what a leak does, backlash most of what dry friction does.
   for (const MechanismUse& hidden : {MechanismUse{.cause = "leakage", .parameters = {0.14}},
-                                     MechanismUse{.cause = "friction", .parameters = {0.02, 0.01, 0.3}}}) {
+                                     MechanismUse{.cause = "friction", .parameters = {0.02, 0.01, 0.3, 0}}}) {
     const Discrepancy found = found_in(hidden, 7);
     EXPECT_EQ(found.conclusion, Conclusion::kNamed) << hidden.cause;
     ASSERT_EQ(found.causes.size(), 1u);
@@ -301,7 +301,7 @@ TEST(ValveDiagnosis, ARivalThatLeavesClearlyMoreIsNoRival) {
 }
 
 TEST(ValveDiagnosis, StickSlipStaysARivalOfPlayForItHoldsPlayInIt) {
-  const Discrepancy found = found_in({.cause = "backlash", .parameters = {0.02, 0}}, 7);
+  const Discrepancy found = found_in({.cause = "backlash", .parameters = {0.02, 0, 0}}, 7);
   EXPECT_EQ(found.conclusion, Conclusion::kAmbiguous);
   ASSERT_EQ(found.causes.size(), 1u);
   std::vector<std::string> open = found.causes.front().alternatives;
@@ -385,7 +385,7 @@ TEST(ValveDiagnosis, ASpoolThatSticksHardIsFoundWhereTheFitHasBentTowardsIt) {
   const test::MadeValve valve;
   const auto healthy = test::session(valve, kNoise_psi, 21);
   const Population population(healthy, valve);
-  const MechanismUse sticking{.cause = "friction", .parameters = {0.083, 0.051, 0.2}};
+  const MechanismUse sticking{.cause = "friction", .parameters = {0.083, 0.051, 0.2, 0}};
   const ValveDiagnosis diagnosis = diagnosed(with_cause(healthy, population.model(valve), sticking), population);
   ASSERT_FALSE(diagnosis.discrepancy.causes.empty());
   const NamedCause& named = diagnosis.discrepancy.causes.front();

@@ -55,8 +55,8 @@ TEST_P(ValveFitProblemWith, RunsFromItsLastLawOnAsFromTheStart) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Places, ValveFitProblemWith,
-                         testing::Values(PutIn{"hysteresis", {0.03, 0.1, 0}}, PutIn{"backlash", {0.02, 0.5}},
-                                         PutIn{"friction", {0.02, 0.012, 0.2}}, PutIn{"transport_delay", {0.01}},
+                         testing::Values(PutIn{"hysteresis", {0.03, 0.1, 0}}, PutIn{"backlash", {0.02, 0, 0.5}},
+                                         PutIn{"friction", {0.02, 0.012, 0.2, 0}}, PutIn{"transport_delay", {0.01}},
                                          PutIn{"extra_lag", {0.02, 1}}, PutIn{"extra_lag", {0.02, 0}},
                                          PutIn{"dead_band", {1.5, 0.05}}, PutIn{"static_curve", {0.1}},
                                          PutIn{"saturation", {150, -1000, 0}}, PutIn{"saturation", {150, -1000, 1}},

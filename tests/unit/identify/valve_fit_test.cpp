@@ -140,7 +140,7 @@ TEST(ValveFit, ASpoolThatSticksIsFittedAcrossTheJumpsOfItsFreeRuns) {
   for (const double knot : knots) map.output.push_back(valve.map(knot));
   const Model free = to_model(valve.parameters, map);
   Model sticking = free;
-  sticking.mechanisms.push_back({.cause = "friction", .parameters = {0.020, 0.013, 0.3}});
+  sticking.mechanisms.push_back({.cause = "friction", .parameters = {0.020, 0.013, 0.3, 0}});
   for (Recording& recording : recordings) {
     const auto with = simulate_extended(sticking, recording, {}), without = simulate_extended(free, recording, {});
     ASSERT_TRUE(with && without);

@@ -136,25 +136,35 @@ RC_GTEST_PROP(Laws, MemoryIsRateIndependent, (std::vector<std::int8_t> turns)) {
   RC_PRE(!fast.empty());
   fast.insert(fast.begin(), 0.0);
   slow.insert(slow.begin(), 0.0);
-  const std::vector<double> quick = run("backlash", {0.3}, fast), patient = run("backlash", {0.3}, slow);
+  const std::vector<double> quick = run("backlash", {0.3, 0}, fast), patient = run("backlash", {0.3, 0}, slow);
   for (std::size_t i = 0; i < quick.size(); ++i) RC_ASSERT(std::abs(quick[i] - patient[2 * i]) < 1e-12);
 }
 
 TEST(Laws, APlayFollowsHalfItsWidthBehind) {
-  const auto z = run("backlash", {0.4}, {0, 0.1, 1.0, 0.8, 0.5, 0.0});
+  const auto z = run("backlash", {0.4, 0}, {0, 0.1, 1.0, 0.8, 0.5, 0.0});
   const std::vector<double> expected{0, 0, 0.8, 0.8, 0.7, 0.2};
   EXPECT_LT(largest_gap(z, expected), 1e-15);
 }
 
+TEST(Laws, APlayAndAFrictionThatGrowAlongTheInputAreAsWideAsTheyAreThere) {
+  // 1 + 0.5 (x − 1) times as wide: half as wide at 0, one and a half times at 2.
+  const LawContext context{.input_middle = 1};
+  const std::vector<double> low{0, 0.2, 0}, high{2, 2.2, 2};
+  EXPECT_NEAR(run("backlash", {0.2, 0.5}, low, context)[1], 0.2 - 0.1 * 0.6, 1e-12);
+  EXPECT_NEAR(run("backlash", {0.2, 0.5}, high, context)[1], 2.2 - 0.1 * 1.6, 1e-12);
+  EXPECT_NEAR(run("friction", {0.1, 0.05, 1, 0.5}, low, context)[1], 0.2 - 0.05 * 0.5, 1e-12);
+  EXPECT_NEAR(run("friction", {0.1, 0.05, 1, 0.5}, high, context)[1], 2.2 - 0.05 * 1.5, 1e-12);
+}
+
 TEST(Laws, FrictionHoldsThenSlipsToTheKineticForce) {
-  const auto x = run("friction", {0.3, 0.1}, {0, 0.2, 0.29, 0.31, 0.4, 0.0, -0.1});
+  const auto x = run("friction", {0.3, 0.1, 1, 0}, {0, 0.2, 0.29, 0.31, 0.4, 0.0, -0.1});
   const std::vector<double> expected{0, 0, 0, 0.21, 0.21, 0.21, 0.0};
   EXPECT_LT(largest_gap(x, expected), 1e-15);
 }
 
 TEST(Laws, KineticAboveBreakawayCountsAsBreakaway) {
   const auto x = example::motion(1, 2, example::stamps());
-  EXPECT_EQ(run("friction", {0.1, 0.9}, x), run("friction", {0.1, 0.1}, x));
+  EXPECT_EQ(run("friction", {0.1, 0.9, 1, 0}, x), run("friction", {0.1, 0.1, 1, 0}, x));
 }
 
 TEST(Laws, NoiseOnAHoldDoesNotMoveAStuckSpool) {
@@ -162,7 +172,7 @@ TEST(Laws, NoiseOnAHoldDoesNotMoveAStuckSpool) {
   for (std::size_t i = 0; i < x.size(); ++i) x[i] += i % 2 == 0 ? 0.0005 : -0.0005;
   driver[0] = 1.4;  // arrived from below: the spool stays behind by the kinetic force
   LawContext context{.driver = driver};
-  const auto held = run("friction", {0.02, 0.01}, x, context);
+  const auto held = run("friction", {0.02, 0.01, 1, 0}, x, context);
   EXPECT_NEAR(held.back(), x.back() - 0.01, 1e-12);
 }
 

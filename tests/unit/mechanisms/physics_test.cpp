@@ -50,10 +50,11 @@ TEST(Physics, ALaterValveAndAStickingSpoolAddUp) {
   ValveDynamics spool{.delay_s = 0.004};
   OrificeVolume volume = kHealthy;
   SpoolFriction friction{.breakaway_a = 0.001, .kinetic_a = 0.001, .stribeck_a_per_s = 1};
-  find_mechanism("friction")->reshape(std::vector<double>{0.01, 0.02, 0.5}, {spool, volume, friction});
+  find_mechanism("friction")->reshape(std::vector<double>{0.01, 0.02, 0.5, 0.25}, {spool, volume, friction});
   find_mechanism("transport_delay")->reshape(std::vector<double>{0.02}, {spool, volume, friction});
   EXPECT_DOUBLE_EQ(friction.breakaway_a, 0.011);
   EXPECT_DOUBLE_EQ(friction.kinetic_a, 0.011);  // at most breakaway
+  EXPECT_DOUBLE_EQ(friction.growth_per_a, 0.25);
   EXPECT_DOUBLE_EQ(spool.delay_s, 0.024);
 }
 

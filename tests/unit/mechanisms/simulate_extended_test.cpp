@@ -179,7 +179,7 @@ TEST(SimulateExtended, FindsTheMagneticMemoryInTheFirstMeasuredOutputs) {
 
 TEST(SimulateExtended, FindsTheMemoryOfACauseInTheFirstMeasuredOutputs) {
   for (const auto& [cause, parameters] : std::vector<std::pair<std::string, std::vector<double>>>{
-           {"hysteresis", {0.05, 0.1, 0.7}}, {"backlash", {0.03, -0.9}}}) {
+           {"hysteresis", {0.05, 0.1, 0.7}}, {"backlash", {0.03, 0, -0.9}}}) {
     const Model before = with(valve(), cause, parameters);
     std::vector<double> forgotten = parameters;
     forgotten.back() = 0;

@@ -56,6 +56,19 @@ TEST(SlidingSpool, OnASlowRampSlipsFromBreakawayToTheKineticForce) {
   EXPECT_NEAR(position.back(), 0.45 - 0.08, 0.02 + 1e-9);
 }
 
+TEST(SlidingSpool, AFrictionThatGrowsAlongTheWayHoldsFartherAtItsEnd) {
+  SpoolFriction growing = kFriction;
+  growing.growth_per_a = 1;
+  growing.middle_a = 0.2;
+  const std::vector<double> position = run(growing);
+  // It first slips at 0.1 A (1 + (0 − 0.2)), and comes to rest where 0.06 A (1 + (x − 0.2)) hold it back.
+  const auto first = std::find_if(position.begin(), position.end(), [](double x) { return x > 0; });
+  EXPECT_NEAR(slow_ramp(1000).start[static_cast<std::size_t>(first - position.begin())], 0.08, 0.002);
+  const double at = slips_of(position).last_from, held = 0.1 * (1 + at - 0.2), left = 0.06 * (1 + at - 0.2);
+  EXPECT_GE(0.45 - position.back(), left - 0.003);
+  EXPECT_LE(0.45 - position.back(), held + 0.003);
+}
+
 TEST(SlidingSpool, SeveralSideBySideAreEachAsAlone) {
   const ValveDynamics slow{.delay_s = 0.004, .natural_frequency_rad_s = 90, .damping_ratio = 0.7, .lag_s = {0.01}};
   const SpoolFriction weak{.breakaway_a = 0.02, .kinetic_a = 0.015, .stribeck_a_per_s = 0.1};

@@ -95,11 +95,12 @@ TEST(ModelC, ALinearMachineIsTheSimulation) {
 }
 
 TEST(ModelC, StickingAndLeakingAreInIt) {
-  expect_same(with(valve(), {{"backlash", {0.03, 0.2}, ""}, {"leakage", {0.1}, ""}, {"sensor_drift", {0.02}, ""}}));
+  expect_same(
+      with(valve(), {{"backlash", {0.03, -0.5, 0.2}, ""}, {"leakage", {0.1}, ""}, {"sensor_drift", {0.02}, ""}}));
 }
 
 TEST(ModelC, ASpoolThatSticksBehindItsCoilIsInIt) {
-  Model sticking = with(valve(), {{"friction", {0.001, 0.0007, 0.3}, ""}, {"friction", {0.03, 0.02, 0.3}, ""}});
+  Model sticking = with(valve(), {{"friction", {0.001, 0.0007, 0.3, 0}, ""}, {"friction", {0.03, 0.02, 0.3, 0.4}, ""}});
   expect_same(sticking);
   sticking.dynamics = to_transfer_function(
       ValveDynamics{.delay_s = 0.0123, .natural_frequency_rad_s = 180, .damping_ratio = 0.7, .lag_s = {0.004}});
@@ -116,11 +117,11 @@ TEST(ModelC, AVolumeWithAirInItIsTheSimulation) {
 
 TEST(ModelC, ALagAheadOfTheMapIsInItWithAndWithoutFriction) {
   expect_same(with(valve(), {{"extra_lag", {0.02, 1}, ""}}));
-  expect_same(with(valve(), {{"extra_lag", {0.02, 1}, ""}, {"friction", {0.02, 0.01, 0.5}, ""}}));
+  expect_same(with(valve(), {{"extra_lag", {0.02, 1}, ""}, {"friction", {0.02, 0.01, 0.5, 0}, ""}}));
 }
 
 TEST(ModelC, EveryCauseOnTheInputAndInsideIsInIt) {
-  expect_same(with(valve(), {{"backlash", {0.02, 0}, ""},
+  expect_same(with(valve(), {{"backlash", {0.02, 0, 0}, ""},
                              {"hysteresis", {0.01, 0.1, 0.3}, ""},
                              {"transport_delay", {0.017}, ""},
                              {"orifice_flow", {-0.05}, ""},
@@ -154,7 +155,7 @@ TEST(ModelC, EveryCauseOnTheReadingIsInIt) {
 }
 
 TEST(ModelC, CausesOfALinearMachineAreInIt) {
-  expect_same(with(machine(), {{"backlash", {0.05, 0}, ""},
+  expect_same(with(machine(), {{"backlash", {0.05, 0.3, 0}, ""},
                                {"hysteresis", {0.02, 0.2, 0}, ""},
                                {"dead_band", {1.5, 0.1}, ""},
                                {"gain_loss", {0.9}, ""},

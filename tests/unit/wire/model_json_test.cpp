@@ -148,7 +148,7 @@ TEST(ModelJson, APhysicalCauseIsReadByTheNamesOfItsParameters) {
   const auto model = model_from_json(sticking_model());
   ASSERT_TRUE(model.has_value()) << model.error().message;
   ASSERT_EQ(model->mechanisms.size(), 1u);
-  EXPECT_EQ(model->mechanisms[0].parameters, (std::vector<double>{0.03, 0.02, 0.3}));
+  EXPECT_EQ(model->mechanisms[0].parameters, (std::vector<double>{0.03, 0.02, 0.3, 0}));
 }
 
 TEST(ModelJson, AnExponentIsWrittenWholeAndNotAsWhatItHasBeyondTheValves) {
