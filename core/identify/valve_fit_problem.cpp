@@ -43,13 +43,6 @@ SampledValveDynamics::State displaced_spool(const SampledValveDynamics& spool, d
   return state;
 }
 
-/// Of a signal with a value half-way to the next sample, what is at the samples.
-std::vector<double> at_samples(const std::vector<double>& halves) {
-  std::vector<double> samples(halves.size() / 2);
-  for (std::size_t i = 0; i < samples.size(); ++i) samples[i] = halves[2 * i];
-  return samples;
-}
-
 /// A rest goes on between two samples of it.
 std::vector<double> rests_between_samples(const std::vector<double>& rests) {
   std::vector<double> halves(2 * rests.size(), std::numeric_limits<double>::quiet_NaN());

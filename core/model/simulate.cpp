@@ -98,8 +98,7 @@ class FreeRun {
       const double first_psi = settled_psi(*model_.volume, x[0]) + from.volume_gap;
       run_volume(*model_.volume, sample_period_s_, first_psi, x, y);
     }
-    for (std::size_t i = 0; i < y.size(); ++i) x[i] = x[per_sample_ * i];
-    const auto steady = std::span(x).first(y.size());
+    const std::vector<double> steady = per_sample_ == 2 ? at_samples(x) : std::move(x);
     if (!model_.volume) std::copy(steady.begin(), steady.end(), y.begin());
     for (double& value : y) value += model_.output_offset;
     if (laws_.at_output) laws_.at_output(steady, y);

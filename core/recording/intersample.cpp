@@ -70,6 +70,12 @@ IntervalSignal halved(const IntervalSignal& signal) {
   return halves;
 }
 
+std::vector<double> at_samples(const std::vector<double>& halves) {
+  std::vector<double> samples(halves.size() / 2);
+  for (std::size_t i = 0; i < samples.size(); ++i) samples[i] = halves[2 * i];
+  return samples;
+}
+
 IntervalSignal noise_free_input(const Recording& recording) {
   const std::vector<double>& noise = recording.input_noise.values;
   if (noise.empty()) {

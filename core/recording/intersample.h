@@ -29,6 +29,9 @@ IntervalSignal noise_free_input(const Recording& recording);
 /// one that the samples showed.
 IntervalSignal halved(const IntervalSignal& signal);
 
+/// Of a signal with a value half-way to the next sample, what is at the samples.
+std::vector<double> at_samples(const std::vector<double>& halves);
+
 /// Leaves out what follows a gap in which the input cannot be known: a step whose instant is lost, or a curve that no
 /// straight line follows. No model can be right there; a few milliseconds of doubt outweigh a small fault.
 ///

@@ -94,6 +94,7 @@ TEST(Halved, IntervalsMeetHalfWayAndTheNoiseStaysThatOfTheSamples) {
   const IntervalSignal halves = halved({.start = {1, 2, 4}, .end = {1, 4, 4}, .noise = 0.5});
   EXPECT_EQ(halves.start, (std::vector<double>{1, 1, 2, 3, 4, 4}));
   EXPECT_EQ(halves.end, (std::vector<double>{1, 1, 3, 4, 4, 4}));
+  EXPECT_EQ(at_samples(halves.start), (std::vector<double>{1, 2, 4}));
   EXPECT_EQ(halves.noise, 0.5);
   EXPECT_EQ(halved({.start = {1, 2}, .end = {2, 3}}).noise, white_noise(std::vector<double>{1, 2}));
 }
