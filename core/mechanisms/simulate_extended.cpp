@@ -183,7 +183,7 @@ class LawInput {
 Result<std::vector<double>> run(const Model& model, const IntervalSignal& input, double sample_period_s,
                                 std::span<const double> measured, const InitialState& initial, Horizon horizon,
                                 const Surroundings& around) {
-  if (model.mechanisms.empty()) return free_run(model, {}, input, sample_period_s, measured, initial, horizon);
+  if (model.mechanisms.empty()) return simulate(model, input, sample_period_s, measured, initial, horizon);
   auto all = laws_of(model, around);
   if (!all) return tl::unexpected(all.error());
   const auto changed = reshaped(model, *all);
@@ -191,9 +191,8 @@ Result<std::vector<double>> run(const Model& model, const IntervalSignal& input,
   const std::vector<Law> laws = signal_laws_of(model, std::move(*all));
 
   // Laws ahead of a volume see what goes on within a sample, those behind it what is read at the sample.
-  const std::size_t per_sample = runs_per_sample(*changed);
-  const double inner_period_s = sample_period_s / static_cast<double>(per_sample);
-  const IntervalSignal inner_input = per_sample == 2 ? halved(input) : input;
+  const double inner_period_s = sample_period_s / static_cast<double>(runs_per_sample(*changed));
+  const IntervalSignal inner_input = inner_intervals(*changed, input);
   LawContext context = common_context(model, around);
   const std::vector<double> inner_stamps = law_stamps(inner_input.start.size(), inner_period_s);
   context.time_s = inner_stamps;
@@ -204,7 +203,7 @@ Result<std::vector<double>> run(const Model& model, const IntervalSignal& input,
     if (on_position && (gain == 0 || !std::isfinite(gain))) {
       return fail("no_static_gain", "a law on the position needs a model with a static gain");
     }
-    const auto bare = free_run(*changed, {}, input, sample_period_s, measured, initial, horizon);
+    const auto bare = free_run(*changed, {}, inner_input, sample_period_s, measured, initial, horizon);
     if (!bare) return tl::unexpected(bare.error());
     context.output_range = range_of(*bare);
     context.rest_input = model.input_offset;
@@ -237,7 +236,6 @@ Result<std::vector<double>> run(const Model& model, const IntervalSignal& input,
       run_laws(laws, Place::kOutput, here, y);
     };
   }
-  if (model.loop) signal_laws.loop_gate = loop_gate(inner_input);
   std::optional<LawInput> law_input;
   if (any_at(laws, Place::kInput)) {
     law_input.emplace(inner_input, inner_period_s);
@@ -245,7 +243,7 @@ Result<std::vector<double>> run(const Model& model, const IntervalSignal& input,
       return law_input->behind(with_memories(laws, memories), context, intervals);
     };
   }
-  return free_run(*changed, signal_laws, input, sample_period_s, measured, initial, horizon);
+  return free_run(*changed, signal_laws, inner_input, sample_period_s, measured, initial, horizon);
 }
 
 }  // namespace

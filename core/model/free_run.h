@@ -1,7 +1,6 @@
 #pragma once
 
 #include <functional>
-#include <optional>
 #include <span>
 #include <vector>
 
@@ -24,8 +23,6 @@ struct SignalLaws {
   std::function<void(std::span<double> steady)> at_steady;  ///< behind the map, before the volume
   /// behind everything; `steady` is what entered the volume, at the samples
   std::function<void(std::span<const double> steady, std::span<double> output)> at_output;
-  /// of the loop's driver: that of the input before a law moved it; empty: that of the input given
-  std::optional<double> loop_gate;
 };
 
 /// How often a model's blocks ahead of its volume, and the laws there, are run in a sample: the volume wants to know
@@ -34,9 +31,12 @@ inline std::size_t runs_per_sample(const Model& model) {
   return model.volume ? 2 : 1;
 }
 
-/// `simulate` with laws between the blocks; those ahead of a volume see `runs_per_sample` values a sample. A volume
-/// that settles elsewhere than at its m starts where it settles.
-Result<std::vector<double>> free_run(const Model& model, const SignalLaws& laws, const IntervalSignal& input,
+/// The input as those blocks and laws see it: `runs_per_sample` intervals a sample.
+IntervalSignal inner_intervals(const Model& model, const IntervalSignal& input);
+
+/// `simulate` with laws between the blocks, on the input's `inner_intervals`. A volume that settles elsewhere than at
+/// its m starts where it settles.
+Result<std::vector<double>> free_run(const Model& model, const SignalLaws& laws, const IntervalSignal& inner_input,
                                      double sample_period_s, std::span<const double> measured,
                                      const InitialState& initial, Horizon horizon);
 

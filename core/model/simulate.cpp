@@ -66,7 +66,7 @@ void slide(const SpoolFriction& friction, const TransferFunction& g, const Linea
 /// A model with its laws in one recording, ready to run from any state.
 class FreeRun {
  public:
-  /// input, filter  `runs_per_sample` intervals a sample, and G at their period
+  /// input, filter  the inner intervals, and G at their period
   FreeRun(const Model& model, const SignalLaws& laws, const LinearFilter& filter, const IntervalSignal& input,
           double sample_period_s)
       : model_(model), laws_(laws), filter_(filter), input_(input), sample_period_s_(sample_period_s) {}
@@ -162,7 +162,7 @@ class FreeRun {
     if (model_.loop) {
       MagneticLoop loop = *model_.loop;
       loop.memory = from.memory;
-      signal = loop.apply(signal, loop_driver(signal, laws_.loop_gate.value_or(own_gate_)));
+      signal = loop.apply(signal, loop_driver(signal, gate_));
     }
     for (std::vector<double>* side : {&signal.start, &signal.end}) {
       for (double& u : *side) u -= model_.input_offset;
@@ -273,7 +273,7 @@ class FreeRun {
   const IntervalSignal& input_;
   double sample_period_s_;
   std::size_t per_sample_ = runs_per_sample(model_);
-  double own_gate_ = model_.loop && !laws_.loop_gate ? loop_gate(input_) : 0;
+  double gate_ = model_.loop ? loop_gate(input_) : 0;  // of the input before a law moves it
 };
 
 /// Values at times i · from_period, straight between them, read at times j · to_period.
@@ -354,22 +354,24 @@ Result<LinearFilter> sampled_dynamics(const TransferFunction& g, double sample_p
   return LinearFilter::sampled(*continuous, sample_period_s);
 }
 
-Result<std::vector<double>> free_run(const Model& model, const SignalLaws& laws, const IntervalSignal& input,
+IntervalSignal inner_intervals(const Model& model, const IntervalSignal& input) {
+  return runs_per_sample(model) == 2 ? halved(input) : input;
+}
+
+Result<std::vector<double>> free_run(const Model& model, const SignalLaws& laws, const IntervalSignal& inner_input,
                                      double sample_period_s, std::span<const double> measured,
                                      const InitialState& initial, Horizon horizon) {
   if (horizon == Horizon::kUnbounded) {
     if (const auto stable = require_stable(model.dynamics); !stable) return tl::unexpected(stable.error());
   }
-  const std::size_t per_sample = runs_per_sample(model);
-  const auto filter = sampled_dynamics(model.dynamics, sample_period_s / static_cast<double>(per_sample));
+  const auto filter = sampled_dynamics(model.dynamics, sample_period_s / static_cast<double>(runs_per_sample(model)));
   if (!filter) return tl::unexpected(filter.error());
-  if (input.start.empty()) return std::vector<double>{};
+  if (inner_input.start.empty()) return std::vector<double>{};
 
-  const IntervalSignal halves = per_sample == 2 ? halved(input) : IntervalSignal{};
-  const FreeRun run(model, laws, *filter, per_sample == 2 ? halves : input, sample_period_s);
+  const FreeRun run(model, laws, *filter, inner_input, sample_period_s);
   const bool measured_start = initial.kind == InitialState::Kind::kMeasured;
   const auto first = measured.first(measured_start ? std::min(initial.samples, measured.size()) : 0);
-  std::vector<double> y(input.start.size());
+  std::vector<double> y(run.samples());
   run.respond(run.start_towards(first), y);
   for (std::size_t i = 0; i < y.size(); ++i) {
     if (!std::isfinite(y[i])) {
@@ -398,7 +400,7 @@ Result<std::vector<double>> simulate(const Model& model, const IntervalSignal& i
     return simulate_machine(*model.machine, machine_input(*model.machine, input), sample_period_s, {}, measured,
                             initial);
   }
-  return free_run(model, {}, input, sample_period_s, measured, initial, horizon);
+  return free_run(model, {}, inner_intervals(model, input), sample_period_s, measured, initial, horizon);
 }
 
 Result<std::vector<double>> simulate(const Model& model, const Recording& recording, const InitialState& initial,
