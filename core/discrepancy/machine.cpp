@@ -125,41 +125,38 @@ void measure_reduction(const MachineScore& baseline, const MachineScore& extende
   gain.reduction_ci95 = {reductions[kMostBootstrap / 40], reductions[kMostBootstrap - 1 - kMostBootstrap / 40]};
 }
 
-/// The winner refitted on everything there is, and its free runs.
+/// The winner refitted on everything there is.
 struct Extension {
+  const MachineData& data;  ///< the recordings from end to end
   MachineFit fit;
-  MachineData data;
   Eigen::MatrixXd covariance;  ///< of the fit's free parameters
 };
 
 /// A fit of the search on the recordings from end to end, as far as those are longer than what was searched.
-Extension on_whole_records(std::span<const Recording> recordings, const MachineData& searched, const MachineFit& fit,
-                           MachineBudget& budget) {
-  Extension extension{.fit = fit, .data = searched};
-  if (!searched.windows) return extension;
-  extension.data = whole_records(recordings, searched);
-  extension.fit.starts.clear();
-  refine_starts(extension.data, extension.data.all_rows(), kLastIterations, extension.fit, budget);
-  return extension;
+MachineFit on_whole_records(const MachineData& searched, const MachineData& whole, MachineFit fit,
+                            MachineBudget& budget) {
+  if (!searched.windows) return fit;
+  fit.starts.clear();
+  refine_starts(whole, whole.all_rows(), kLastIterations, fit, budget);
+  return fit;
 }
 
-Extension extend(std::span<const Recording> recordings, const MachineData& searched, const MachineScore& winner,
+Extension extend(const MachineData& searched, const MachineData& whole, const MachineScore& winner,
                  MachineBudget& budget) {
-  Extension extension = on_whole_records(recordings, searched, winner.fit, budget);
+  Extension extension{.data = whole, .fit = on_whole_records(searched, whole, winner.fit, budget)};
   if (searched.windows) {
     MachineFit refined = extension.fit;
-    refine_machine(extension.data, extension.data.all_rows(), kLastIterations, refined, budget);
+    refine_machine(whole, whole.all_rows(), kLastIterations, refined, budget);
     // Windows tell the law; what is refitted from end to end must be closer there, or the search's own fit stands.
     if (!refined.failed && refined.squares < extension.fit.squares) extension.fit = std::move(refined);
   }
-  extension.covariance = parameter_covariance(extension.data, extension.data.all_rows(), extension.fit);
+  extension.covariance = parameter_covariance(whole, whole.all_rows(), extension.fit);
   return extension;
 }
 
 /// Free run of one record on its recording's grid, in its own unit.
-std::vector<double> on_grid(const Extension& extension, std::size_t record, std::size_t samples) {
-  const MachineData& data = extension.data;
-  const auto y = run_record(data, record, extension.fit);
+std::vector<double> on_grid(const MachineData& data, const MachineFit& fit, std::size_t record, std::size_t samples) {
+  const auto y = run_record(data, record, fit);
   std::vector<double> out(samples);
   for (std::size_t t = 0; t < samples; ++t) {
     const std::size_t left = std::min(t / data.stride, y.size() - 1);
@@ -170,12 +167,11 @@ std::vector<double> on_grid(const Extension& extension, std::size_t record, std:
   return out;
 }
 
-/// The linear machine's free runs, from end to end.
-std::vector<std::vector<double>> linear_runs(std::span<const Recording> recordings, const MachineData& data,
-                                             const MachineSearch& search, MachineBudget& budget) {
-  const Extension linear = on_whole_records(recordings, data, search.linear.fit, budget);
+/// Free runs of a fit on every recording, from end to end.
+std::vector<std::vector<double>> runs_of(std::span<const Recording> recordings, const MachineData& whole,
+                                         const MachineFit& fit) {
   std::vector<std::vector<double>> runs;
-  for (std::size_t r = 0; r < recordings.size(); ++r) runs.push_back(on_grid(linear, r, recordings[r].samples()));
+  for (std::size_t r = 0; r < recordings.size(); ++r) runs.push_back(on_grid(whole, fit, r, recordings[r].samples()));
   return runs;
 }
 
@@ -317,7 +313,7 @@ NextTest settling_test(std::span<const Recording> recordings, const MachineSearc
       causes[i] = rival;
       for (const MachineScore& score : search.scores) {
         if (score.causes != causes || score.fit.failed) continue;
-        Extension fitted{.fit = score.fit, .data = extension.data};
+        Extension fitted{.data = extension.data, .fit = score.fit};
         const auto free = static_cast<Eigen::Index>(score.fit.free.size());
         fitted.covariance = Eigen::MatrixXd::Zero(free, free);
         alternatives.push_back(
@@ -360,7 +356,9 @@ Result<MachineDiagnosis> diagnose_machine(std::span<const Recording> recordings,
   const double allowed = std::max(0.01 * kDecimationShare * spread, pooled_noise(recordings, loop));
   const MachineData data = machine_data(recordings, allowed, options.most_samples);
   const MachineSearch search = search_machines(data, ground_of(recordings, data, loop), budget);
-  const double noise = pooled_noise(recordings, loop, linear_runs(recordings, data, search, budget));
+  const MachineData whole = data.windows ? whole_records(recordings, data) : data;
+  const MachineFit linear = on_whole_records(data, whole, search.linear.fit, budget);
+  const double noise = pooled_noise(recordings, loop, runs_of(recordings, whole, linear));
   const double scale = data.output_scale;
   MachineVerdict verdict = conclude(search, data, noise / scale, feedback);
 
@@ -380,14 +378,12 @@ Result<MachineDiagnosis> diagnose_machine(std::span<const Recording> recordings,
   if (options.trace) diagnosis.trace = trace_of(search, data);
   if (!verdict.winner) return diagnosis;
 
-  const Extension extension = extend(recordings, data, *verdict.winner, budget);
+  const Extension extension = extend(data, whole, *verdict.winner, budget);
   gain.rmse_extended = held_out_rms(*verdict.winner) * scale;
   measure_reduction(search.linear, *verdict.winner, gain);
   discrepancy.causes = causes_of(recordings, search, verdict, extension);
   diagnosis.extended_model = model_of(recordings, extension, *verdict.winner);
-  for (std::size_t r = 0; r < recordings.size(); ++r) {
-    diagnosis.extended.push_back(on_grid(extension, r, recordings[r].samples()));
-  }
+  diagnosis.extended = runs_of(recordings, whole, extension.fit);
   if (verdict.conclusion == Conclusion::kAmbiguous) {
     discrepancy.next_test = settling_test(recordings, search, verdict, extension, gain);
   }
