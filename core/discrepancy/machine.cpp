@@ -68,9 +68,9 @@ double pooled_noise(std::span<const Recording> recordings, const LoopSigns& loop
   double squares = 0, samples = 0;
   for (std::size_t r = 0; r < recordings.size(); ++r) {
     const auto n = static_cast<double>(recordings[r].samples());
-    const Recording& recording = recordings[r];
-    const std::span<const double> run = simulated.empty() ? std::span<const double>() : simulated[r];
-    const NoiseFloor floor = noise_floor(loop.integrating_controller ? with_past_input(recording) : recording, run);
+    const Recording recording = loop.integrating_controller ? with_past_input(recordings[r]) : recordings[r];
+    const NoiseFloor floor =
+        simulated.empty() ? noise_floor(recording) : noise_floor_of_ringing(recording, simulated[r]);
     squares += std::pow(floor.rms, 2) * n;
     samples += n;
   }

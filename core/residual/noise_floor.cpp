@@ -20,7 +20,7 @@ constexpr double kCorrelationTimes = 9;  // in a hold's settled part: then a lin
 constexpr double kStationarySpread = 4;
 constexpr double kMadToSigma = 1.4826;  // of a normal distribution
 
-double median_of(std::vector<double>& values) {
+double median_of(std::vector<double> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
@@ -119,15 +119,20 @@ double from_prediction(const Recording& recording) {
   return std::sqrt(std::max(0.0, left) / (count - kRegressors));
 }
 
-}  // namespace
-
-NoiseFloor noise_floor(const Recording& recording) {
-  return noise_floor(recording, {});
-}
-
-NoiseFloor noise_floor(const Recording& recording, std::span<const double> simulated) {
-  NoiseFloor floor;
+/// What the settled parts of holds show.
+struct Holds {
   std::vector<double> mean_squares;
+  std::size_t samples = 0;
+
+  double rms() const {
+    if (mean_squares.empty()) return std::numeric_limits<double>::infinity();
+    return std::sqrt(median_of(mean_squares));
+  }
+};
+
+/// Of all holds that are long enough; where a free run is given, of those in which it stands still.
+Holds settled_holds(const Recording& recording, std::span<const double> simulated) {
+  Holds holds;
   for (const Segment& segment : recording.segments) {
     if (segment.kind != SegmentKind::kHold && segment.kind != SegmentKind::kStep) continue;
     const std::size_t length = segment.end - segment.begin;
@@ -139,35 +144,45 @@ NoiseFloor noise_floor(const Recording& recording, std::span<const double> simul
       const double moves = about_line(simulated, recording, begin, segment.end).mean_square;
       if (moves > kStillMoving * kStillMoving * noise.mean_square) continue;
     }
-    mean_squares.push_back(noise.mean_square);
-    floor.samples += noise.samples;
+    holds.mean_squares.push_back(noise.mean_square);
+    holds.samples += noise.samples;
   }
-  const double resolution = smallest_step(recording) / std::sqrt(12.0);
-  const double holds =
-      mean_squares.empty() ? std::numeric_limits<double>::infinity() : std::sqrt(median_of(mean_squares));
-  if (!mean_squares.empty() && simulated.empty()) {
-    floor.method = NoiseFloorMethod::kHolds;
-    floor.rms = std::max(holds, resolution);
-    return floor;
-  }
+  return holds;
+}
+
+/// What neighbouring samples show.
+NoiseFloor from_neighbours(const Recording& recording) {
   const double differences = from_differences(recording);
   const double prediction = from_prediction(recording);
-  double most = std::min(differences, prediction);
-  if (is_stationary(mean_squares)) {
+  return {std::min(differences, prediction),
+          prediction < differences ? NoiseFloorMethod::kPrediction : NoiseFloorMethod::kDifferences,
+          recording.samples()};
+}
+
+NoiseFloor at_least_resolution(const Recording& recording, NoiseFloor floor) {
+  floor.rms = std::max(floor.rms, smallest_step(recording) / std::sqrt(12.0));
+  return floor;
+}
+
+}  // namespace
+
+NoiseFloor noise_floor(const Recording& recording) {
+  const Holds holds = settled_holds(recording, {});
+  if (holds.mean_squares.empty()) return at_least_resolution(recording, from_neighbours(recording));
+  return at_least_resolution(recording, {holds.rms(), NoiseFloorMethod::kHolds, holds.samples});
+}
+
+NoiseFloor noise_floor_of_ringing(const Recording& recording, std::span<const double> simulated) {
+  const Holds holds = settled_holds(recording, simulated);
+  NoiseFloor floor = from_neighbours(recording);
+  if (is_stationary(holds.mean_squares)) {
     // Noise whose memory of τ samples fits a hold's settled part kCorrelationTimes over is √(τ/2) times what it brings
     // anew with each sample, which is what a prediction leaves; a machine that rings brings nothing anew.
-    const double settled = static_cast<double>(floor.samples) / static_cast<double>(mean_squares.size());
-    most *= std::max(1.0, std::sqrt(settled / kCorrelationTimes / 2));
+    const double settled = static_cast<double>(holds.samples) / static_cast<double>(holds.mean_squares.size());
+    floor.rms *= std::max(1.0, std::sqrt(settled / kCorrelationTimes / 2));
   }
-  if (holds < most) {
-    floor.method = NoiseFloorMethod::kHolds;
-    floor.rms = std::max(holds, resolution);
-    return floor;
-  }
-  floor.method = prediction < differences ? NoiseFloorMethod::kPrediction : NoiseFloorMethod::kDifferences;
-  floor.samples = recording.samples();
-  floor.rms = std::max(most, resolution);
-  return floor;
+  if (holds.rms() < floor.rms) floor = {holds.rms(), NoiseFloorMethod::kHolds, holds.samples};
+  return at_least_resolution(recording, floor);
 }
 
 }  // namespace valvetriage

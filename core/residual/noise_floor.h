@@ -37,6 +37,6 @@ NoiseFloor noise_floor(const Recording& recording);
 /// left out. The others count where they agree with one another, as parts of one stationary noise do, up to what
 /// coloured noise can be above the part of it that a prediction leaves; where they do not agree, or are too few to
 /// tell, the least of all estimates is the floor: a transient only adds to it.
-NoiseFloor noise_floor(const Recording& recording, std::span<const double> simulated);
+NoiseFloor noise_floor_of_ringing(const Recording& recording, std::span<const double> simulated);
 
 }  // namespace valvetriage

@@ -64,11 +64,11 @@ TEST(NoiseFloor, OfAMachineThatRingsFromStepToStepIsNotItsRinging) {
   const Recording recording = ringing(0.01), still = ringing(0);
   EXPECT_GT(noise_floor(recording).rms, 0.05);
   // A one-step prediction from eight noisy samples leaves up to half as much again as the noise.
-  EXPECT_LT(noise_floor(recording, still.output.values).rms, 1.6 * 0.01);
+  EXPECT_LT(noise_floor_of_ringing(recording, still.output.values).rms, 1.6 * 0.01);
   // Where a simulation stands still though the machine rings on, a prediction sees that the ringing brings nothing new:
   // 80 settled samples in each hold allow coloured noise to be twice as large as what a prediction leaves.
   const std::vector<double> settled(recording.samples(), 0.0);
-  EXPECT_LT(noise_floor(recording, settled).rms, 2.5 * 0.01);
+  EXPECT_LT(noise_floor_of_ringing(recording, settled).rms, 2.5 * 0.01);
 }
 
 TEST(NoiseFloor, OfHoldsThatAgreeSeesColouredNoiseWholeBesideASimulation) {
@@ -81,7 +81,7 @@ TEST(NoiseFloor, OfHoldsThatAgreeSeesColouredNoiseWholeBesideASimulation) {
     recording.output.values[i] = 0.5 * coloured;
   }
   // 80 settled samples in each hold with a correlation time of 9; a line takes two freedoms of nine.
-  EXPECT_NEAR(noise_floor(recording, std::vector<double>(recording.samples(), 0.0)).rms, 0.5, 0.15);
+  EXPECT_NEAR(noise_floor_of_ringing(recording, std::vector<double>(recording.samples(), 0.0)).rms, 0.5, 0.15);
 }
 
 TEST(NoiseFloor, OfASweepIsNotItsAmplitude) {
