@@ -345,10 +345,7 @@ bool mends_the_first(const MachineSearch& search, const MachineScore& best, doub
 bool is_beyond_doubt(const MachineSearch& search, const MachineData& data, const MachineScore& best, double noise_rms,
                      const MachineVerdict& verdict) {
   if (verdict.p_value >= kConfident) return false;
-  if (!std::all_of(best.causes.begin(), best.causes.end(),
-                   [&](const std::string& cause) { return has_certain_size(cause, data, best.fit); })) {
-    return false;
-  }
+  if (!have_certain_sizes(best.causes, data, best.fit)) return false;
   // Rounded stops that nothing comes to rest at are a curve, and most curves have no name.
   if (best.rms() > kAboveFloors * noise_rms && !has_true_stops(data, best.fit)) return false;
   if (best.rms() > kAboveFloors * noise_rms && mends_the_first(search, best, noise_rms)) return false;

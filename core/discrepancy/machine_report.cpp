@@ -349,7 +349,7 @@ bool has_true_stops(const MachineData& data, const MachineFit& fit) {
   return true;
 }
 
-bool has_certain_size(const std::string& cause, const MachineData& data, const MachineFit& fit) {
+bool have_certain_sizes(const std::vector<std::string>& causes, const MachineData& data, const MachineFit& fit) {
   constexpr std::array<std::pair<const char*, double>, 9> kNone{{{"breakaway_A", 0},
                                                                  {"width_A", 0},
                                                                  {"cubic_coefficient", 0},
@@ -361,9 +361,11 @@ bool has_certain_size(const std::string& cause, const MachineData& data, const M
                                                                  {"gain_change", 0}}};
   if (data.records.empty()) return true;
   const Eigen::MatrixXd covariance = parameter_covariance(data, data.all_rows(), fit);
-  for (const auto& [name, estimate] : cause_parameters(cause, data, fit, covariance, "", "")) {
-    for (const auto& [size, none] : kNone) {
-      if (name == size && estimate.ci95[0] <= none && none <= estimate.ci95[1]) return false;
+  for (const std::string& cause : causes) {
+    for (const auto& [name, estimate] : cause_parameters(cause, data, fit, covariance, "", "")) {
+      for (const auto& [size, none] : kNone) {
+        if (name == size && estimate.ci95[0] <= none && none <= estimate.ci95[1]) return false;
+      }
     }
   }
   return true;

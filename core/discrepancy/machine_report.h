@@ -17,9 +17,9 @@ std::vector<std::pair<std::string, ParameterEstimate>> cause_parameters(const st
                                                                         const std::string& input_unit,
                                                                         const std::string& output_unit);
 
-/// Whether the interval of a cause's own size leaves out that it has none: a width of 0, a ratio of 1, no curvature.
+/// Whether the interval of each cause's own size leaves out that it has none: a width of 0, a ratio of 1, no curvature.
 /// True for causes whose parameters tell no size.
-bool has_certain_size(const std::string& cause, const MachineData& data, const MachineFit& fit);
+bool have_certain_sizes(const std::vector<std::string>& causes, const MachineData& data, const MachineFit& fit);
 
 /// False where the limits of a chain bend rather than stop: one is passed and yet follows more than a tenth of what
 /// enters it, or two are rounded so much that they leave no straight way between them. True for a chain without limits.
