@@ -47,17 +47,21 @@ std::vector<Fold> folds_of(const std::vector<ValveFitProblem::Rows>& rows, bool 
   return folds;
 }
 
-/// Measured − simulated of a vector on a fold.
-VectorXd errors_on(const ValveFitProblem& problem, const VectorXd& v, const Fold& fold,
+/// Measured − simulated on a fold.
+VectorXd errors_on(const Recording& recording, const std::vector<double>& simulated, const Fold& fold,
                    const ValveFitProblem::Rows& rows) {
-  const std::vector<double> simulated = problem.simulate(v, fold.recording);
-  const Recording& recording = problem.recording(fold.recording);
   VectorXd errors(fold.count);
   for (Index i = 0; i < fold.count; ++i) {
     const std::size_t at = rows.sample[static_cast<std::size_t>(fold.first + i)];
     errors(i) = recording.output.values[at] - simulated[at];
   }
   return errors;
+}
+
+/// The same of a vector.
+VectorXd errors_on(const ValveFitProblem& problem, const VectorXd& v, const Fold& fold,
+                   const ValveFitProblem::Rows& rows) {
+  return errors_on(problem.recording(fold.recording), problem.simulate(v, fold.recording), fold, rows);
 }
 
 /// An explanation with its rows, ready to be fitted without any of them.
@@ -115,10 +119,12 @@ class Refit {
     Without best;
     for (const double share : {1.0, 0.5, 0.25, 0.125}) {
       Without tried{problem.clamped(explanation_.v + share * step)};
-      tried.cost = problem.cost(tried.v);
+      const std::vector<ValveFitProblem::Run> runs = problem.all_runs(tried.v);
+      tried.cost = problem.cost(tried.v, runs);
       for (const Fold& fold : folds) {
-        tried.cost -= static_cast<double>(problem.stride()) * problem.inverse_variance(fold.recording) *
-                      errors_on(problem, tried.v, fold, rows_[fold.recording]).squaredNorm();
+        const std::size_t r = fold.recording;
+        tried.cost -= static_cast<double>(problem.stride()) * problem.inverse_variance(r) *
+                      errors_on(problem.recording(r), runs[r].output, fold, rows_[r]).squaredNorm();
       }
       if (share < 1 && !(tried.cost < best.cost)) break;
       best = std::move(tried);

@@ -501,8 +501,7 @@ double ValveFitProblem::squared_error(std::size_t recording, const std::vector<d
   return squares;
 }
 
-double ValveFitProblem::cost(const VectorXd& v) const {
-  const std::vector<Run> at_v = all_runs(v);
+double ValveFitProblem::cost(const VectorXd& v, std::span<const Run> at_v) const {
   double sum = penalty(v);
   for (std::size_t r = 0; r < prepared_.size(); ++r) {
     sum += squared_error(r, at_v[r].output) * prepared_[r].inverse_variance;

@@ -52,7 +52,7 @@ class ValveFitProblem {
   Eigen::Index law_entry(std::size_t law, std::size_t parameter, std::size_t recording) const;
 
   /// Σ e² / σ² + penalties.
-  double cost(const Eigen::VectorXd& v) const;
+  double cost(const Eigen::VectorXd& v) const { return cost(v, all_runs(v)); }
   double penalty(const Eigen::VectorXd& v) const;
   std::vector<double> simulate(const Eigen::VectorXd& v, std::size_t recording) const;
   /// Σ n ln(mean square error) over recordings: their cost where the size of each one's error is not known beforehand.
@@ -72,6 +72,8 @@ class ValveFitProblem {
   };
   Run run(const Eigen::VectorXd& v, std::size_t recording, bool tangents) const;
   std::vector<Run> all_runs(const Eigen::VectorXd& v) const;
+  /// The cost of v by `all_runs` of it.
+  double cost(const Eigen::VectorXd& v, std::span<const Run> at_v) const;
   /// Outputs of some recordings at v where the last law alone makes the difference to runs without it (one of each
   /// recording): from that law on along the chain, what comes before it is taken over.
   std::vector<std::vector<double>> simulate_behind_last(const Eigen::VectorXd& v,
