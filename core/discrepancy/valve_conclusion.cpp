@@ -33,6 +33,8 @@ constexpr double kWhiteAtRest = 5;
 constexpr double kMostSlowNoise = 10;
 // A tone whose strength differs between recordings by half of it, in the mean square, is no tone of the stand.
 constexpr double kUnevenTone = 0.25;
+// Of hunting in a recording: less is none.
+constexpr double kHalfSeen = 0.5;
 // A line this far above its neighbours, all lines of all recordings counted, is no chance of coloured noise.
 constexpr double kCertainLine = 1e-6;
 // However sure, a hundredth of what is left is no reason to doubt a valve: the hum of the mains under slow noise.
@@ -46,34 +48,66 @@ constexpr double kUnexplainedName = 0.5;
 constexpr double kTwoSided95 = 1.96;
 constexpr int kRefitSteps = 12;
 
+/// What a tone does in one recording.
+struct ToneIn {
+  double energy = 0;  ///< of the tone, in noise variances
+  double seen = 0;    ///< of it, by what the recording holds without it; 1 where it is all there
+  /// The square of the deviation of that from 1, over its variance in white noise.
+  double deviation() const { return energy * (1 - seen) * (1 - seen); }
+};
+
+std::vector<ToneIn> tone_by_recording(const Explanation& explanation, std::size_t law, const Explanation& baseline) {
+  const Explanation others = explanation.laws.size() > 1 ? without(explanation, law, 0) : baseline.copy();
+  const Stack with = residual_at_rows(explanation), alone = residual_at_rows(others);
+  std::vector<ToneIn> tones;
+  for (std::size_t r = 0; r < with.size(); ++r) {
+    const Eigen::VectorXd tone = alone[r] - with[r];
+    const double energy = tone.squaredNorm();
+    if (energy > 0) tones.push_back({energy, tone.dot(alone[r]) / energy});
+  }
+  return tones;
+}
+
 /// Whether a tone that should be the same in every recording is not: how strong each recording has it, over all of
 /// them together, and by more than noise.
+bool is_uneven(std::span<const ToneIn> tones) {
+  double energy = 0, deviation = 0;
+  for (const ToneIn& tone : tones) {
+    energy += tone.energy;
+    deviation += tone.deviation();
+  }
+  if (tones.empty()) return false;
+  const boost::math::chi_squared equal(static_cast<double>(tones.size()));
+  const double p = boost::math::cdf(boost::math::complement(equal, deviation));
+  return deviation > kUnevenTone * energy && p < kFalseAlarm;
+}
+
+/// Whether hunting is not there in recordings that come to its level: they have less than half of it, by five standard
+/// errors, and more is missing than a law, as an idealisation, errs by where the cycle dies out.
+bool is_missing(std::span<const ToneIn> tones) {
+  double energy = 0, missing = 0;
+  for (const ToneIn& tone : tones) {
+    energy += tone.energy;
+    if (tone.seen < kHalfSeen) missing += tone.deviation();
+  }
+  return missing > std::max(kLeastEvidence, kIdealisation * energy);
+}
+
 bool comes_and_goes(const Explanation& explanation, const Explanation& baseline) {
   for (std::size_t l = 0; l < explanation.laws.size(); ++l) {
-    if (explanation.laws[l].law.law->cause != "periodic_disturbance") continue;
-    const Explanation others = explanation.laws.size() > 1 ? without(explanation, l, 0) : baseline.copy();
-    const Stack with = residual_at_rows(explanation), alone = residual_at_rows(others);
-    double energy = 0, deviation = 0;
-    for (std::size_t r = 0; r < with.size(); ++r) {
-      const Eigen::VectorXd tone = alone[r] - with[r];
-      const double own = tone.squaredNorm();
-      if (!(own > 0)) continue;
-      energy += own;
-      deviation += std::pow(tone.dot(with[r]), 2) / own;
-    }
-    const boost::math::chi_squared equal(static_cast<double>(with.size()));
-    const double p = boost::math::cdf(boost::math::complement(equal, deviation));
-    if (deviation > kUnevenTone * energy && p < kFalseAlarm) return true;
+    const std::string_view cause = explanation.laws[l].law.law->cause;
+    if (cause == "periodic_disturbance" && is_uneven(tone_by_recording(explanation, l, baseline))) return true;
+    if (cause == "self_oscillation" && is_missing(tone_by_recording(explanation, l, baseline))) return true;
   }
   return false;
 }
 
-/// What the residual of the baseline depends on.
-std::vector<Finding> dependences(const Explanation& baseline) {
+/// What the residual of an explanation depends on.
+std::vector<Finding> dependences(const Explanation& explanation) {
   std::vector<std::vector<double>> residuals;
-  const ValveFitProblem& problem = *baseline.problem;
+  const ValveFitProblem& problem = *explanation.problem;
   for (std::size_t r = 0; r < problem.recordings(); ++r) {
-    residuals.push_back(problem.simulate(baseline.v, r));
+    residuals.push_back(problem.simulate(explanation.v, r));
     const std::vector<double>& measured = problem.recording(r).output.values;
     for (std::size_t i = 0; i < measured.size(); ++i) residuals.back()[i] = measured[i] - residuals.back()[i];
   }
