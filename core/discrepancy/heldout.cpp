@@ -64,6 +64,12 @@ VectorXd errors_on(const ValveFitProblem& problem, const VectorXd& v, const Fold
   return errors_on(problem.recording(fold.recording), problem.simulate(v, fold.recording), fold, rows);
 }
 
+/// Whether the phase of a law is that of the reading around each sample, of held-out samples too.
+bool follows_the_reading(const Explanation& explanation) {
+  return std::any_of(explanation.laws.begin(), explanation.laws.end(),
+                     [](const LawFit& law) { return law.law.law->cause == "self_oscillation"; });
+}
+
 /// An explanation with its rows, ready to be fitted without any of them.
 class Refit {
  public:
@@ -76,8 +82,7 @@ class Refit {
     }
     problem.add_penalty(explanation.v, normal_);
     is_rough_ = problem.width_at(explanation.v) > 1;
-    turns_ = std::any_of(explanation.laws.begin(), explanation.laws.end(),
-                         [](const LawFit& law) { return law.law.law->cause == "self_oscillation"; });
+    turns_ = follows_the_reading(explanation);
   }
 
   const std::vector<ValveFitProblem::Rows>& rows() const { return rows_; }
@@ -390,6 +395,7 @@ DiscrepancyGain measure_gain(const Explanation& baseline, const Explanation& ext
   DiscrepancyGain gain{
       .heldout = measured.whole ? "each recording in turn" : "each later quarter of a recording in turn",
       .rmse_black_box = std::numeric_limits<double>::quiet_NaN()};
+  if (follows_the_reading(extended)) gain.heldout += ", the phase of the hunting followed beside each sample";
   double squares_baseline = 0, squares_extended = 0, floor = 0, samples = 0;
   for (std::size_t f = 0; f < measured.folds.size(); ++f) {
     const FoldScore& score = measured.scores[f];

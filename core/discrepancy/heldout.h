@@ -13,6 +13,10 @@ namespace valvetriage {
 /// is only used where it pays on the samples that were kept: choosing is nested. The interval is of a bootstrap over
 /// blocks, seeded by nothing but the data's size.
 ///
+/// A cycle of hunting has a phase that no other recording foretells: its frequency, amplitude and level are those of
+/// the samples that were kept, its phase that of the reading around each held-out sample, without the sample and its
+/// neighbours (core/mechanisms/self_oscillation.cpp); `heldout` says so.
+///
 /// rmse_black_box  what a regression of the baseline's residual on polynomials of states that remember the input
 /// reaches
 ///                 on the same folds: about what any extension could

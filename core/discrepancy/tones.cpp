@@ -13,7 +13,7 @@ using Eigen::Index;
 
 // Fewer periods do not tell a tone from what wanders slowly.
 constexpr double kFewestPeriods = 10;
-// Hunting shows in several rests, each of them short: a line of fewer periods in a rest is a drift.
+// Hunting shows in several rests, each of them short: what has fewer periods in a rest is a drift there.
 constexpr double kFewestInRest = 3;
 // The background of a line: the median over this many bins to either side.
 constexpr std::size_t kBackgroundBins = 24;
@@ -91,7 +91,8 @@ void fit_phases(const LinearisedValve& fit, double sample_period_s, Tone& tone) 
 /// The residual while the input rests, after the valve has settled, by level.
 struct Rest {
   double level = 0;
-  std::vector<double> power;  ///< chi-square of 2 in white noise
+  std::vector<double> power;       ///< chi-square of 2 in white noise
+  std::vector<double> prominence;  ///< power over that of its neighbours
   double samples = 0;
 };
 
@@ -128,10 +129,18 @@ std::vector<Rest> rests_of(const LinearisedValve& fit, double range, double samp
         rests.push_back({.level = level, .power = std::vector<double>(length / 2, 0.0)});
         known = rests.end() - 1;
       }
-      const double scale = 2 / static_cast<double>(end - begin);
-      for (std::size_t k = 0; k < length / 2; ++k) known->power[k] += scale * std::norm(spectrum[k]);
-      known->samples += static_cast<double>(end - begin);
+      const double samples = static_cast<double>(end - begin);
+      const auto first = static_cast<std::size_t>(std::ceil(kFewestInRest * static_cast<double>(length) / samples));
+      for (std::size_t k = first; k < length / 2; ++k) known->power[k] += 2 / samples * std::norm(spectrum[k]);
+      known->samples += samples;
     }
+  }
+  for (Rest& rest : rests) {
+    const auto first = std::find_if(rest.power.begin(), rest.power.end(), [](double power) { return power > 0; });
+    std::vector<double> seen(first, rest.power.end());
+    divide_by_background(seen);
+    rest.prominence.assign(rest.power.size() - seen.size(), 0.0);
+    rest.prominence.insert(rest.prominence.end(), seen.begin(), seen.end());
   }
   return rests;
 }
@@ -152,19 +161,18 @@ std::vector<HuntingTone> hunting_tones(const LinearisedValve& fit, double range,
   };
   std::vector<Line> lines;
   for (const Rest& strongest : rests) {
-    const auto first = static_cast<std::size_t>(std::ceil(kFewestInRest / kShortestRest_s / bin_hz));
-    for (std::size_t k = first; k + 1 < strongest.power.size(); ++k) {
-      const double own = strongest.power[k];
-      if (own < strongest.power[k - 1] || own <= strongest.power[k + 1]) continue;
+    for (std::size_t k = 1; k + 1 < strongest.power.size(); ++k) {
+      const double own = strongest.prominence[k];
+      if (own < strongest.prominence[k - 1] || own <= strongest.prominence[k + 1]) continue;
       Line line{.tone = {.frequency_hz = static_cast<double>(k) * bin_hz, .level = strongest.level}, .power = 0};
-      line.tone.amplitude = std::sqrt(2 * own / strongest.samples / fit.problem().inverse_variance(0));
+      line.tone.amplitude = std::sqrt(2 * strongest.power[k] / strongest.samples / fit.problem().inverse_variance(0));
       for (double slope = -0.5; slope <= 0.5; slope += 0.05) {
         double power = own;
         for (const Rest& rest : rests) {
           const double away = (rest.level - strongest.level) / range;
           if (&rest == &strongest || std::abs(away) > kReach) continue;
           const auto at = static_cast<std::size_t>(std::llround(static_cast<double>(k) * (1 + slope * away)));
-          if (at + 1 < rest.power.size()) power += rest.power[at];
+          if (at + 1 < rest.power.size()) power += rest.prominence[at];
         }
         if (power > line.power) {
           line.power = power;

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 #include <numeric>
 
 #include "core/discrepancy/input_lines.h"
@@ -15,7 +14,7 @@ namespace valvetriage {
 namespace {
 
 constexpr std::size_t kTones = 3;
-constexpr std::size_t kHuntingTones = 2;
+constexpr std::size_t kHuntingTones = 3;
 // A stop keeps this share of the readings at least, or it is not worth a look.
 constexpr double kAtTheStop = 0.02;
 // An abrupt change is looked for at this many instants of each recording; the fit moves them.
@@ -97,8 +96,8 @@ void add_tones(const LinearisedValve& fit, const LawInFit& law, std::vector<LawV
   if (!variant.starts.empty()) variants.push_back(std::move(variant));
 }
 
-/// The phase that a cycle has where its level is entered, how near to a rest its own level lies and how far it reaches
-/// are nobody's guess: a few of each, with the frequency and the amplitude that were seen at the rest.
+/// How near to a rest a cycle's own level lies and how far it reaches are nobody's guess: a few of each, with the
+/// frequency and the amplitude that were seen at the rest. Its phase is followed in the reading.
 void add_hunting(const LinearisedValve& fit, const MechanismScales& scales, const LawInFit& law,
                  std::vector<LawVariant>& variants) {
   constexpr double kGrowth_per_s = 10;
@@ -107,11 +106,9 @@ void add_hunting(const LinearisedValve& fit, const MechanismScales& scales, cons
     for (const double beside : {-0.06, 0.0, 0.06}) {
       for (const double width : {0.2, 0.35}) {
         const double at_rest = std::sqrt(1 - beside * beside / (width * width));
-        for (const double phase : {0.0, 0.5, 1.0, -0.5}) {
-          variant.starts.push_back({tone.frequency_hz * (1 + tone.slope * beside), tone.amplitude / at_rest,
-                                    tone.level + beside * scales.output_range, width * scales.output_range, tone.slope,
-                                    kGrowth_per_s, phase * std::numbers::pi});
-        }
+        variant.starts.push_back({tone.frequency_hz * (1 + tone.slope * beside), tone.amplitude / at_rest,
+                                  tone.level + beside * scales.output_range, width * scales.output_range, tone.slope,
+                                  kGrowth_per_s, 0.0});
       }
     }
   }

@@ -88,7 +88,9 @@ double size_beyond_good(const Tested& tested, const ValveFitOptions& options) {
 double noise_reduction(const LawVariant& variant, Index freedoms, std::size_t recordings, double samples) {
   double searched = static_cast<double>(std::max<std::size_t>(variant.starts.size(), 1));
   if (variant.law.recording) searched *= static_cast<double>(recordings);
-  if (variant.law.law->cause == "periodic_disturbance") searched = samples / static_cast<double>(recordings);
+  const std::string_view cause = variant.law.law->cause;
+  const bool at_any_frequency = cause == "periodic_disturbance" || cause == "self_oscillation";
+  if (at_any_frequency) searched = samples / static_cast<double>(recordings);
   const boost::math::chi_squared of_one(static_cast<double>(freedoms));
   const double of_largest =
       boost::math::quantile(boost::math::complement(of_one, std::exp(-std::numbers::egamma) / searched));

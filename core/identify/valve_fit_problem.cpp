@@ -303,7 +303,9 @@ LawContext ValveFitProblem::context(const VectorXd& v, std::size_t recording, Pl
           .input = is_ahead ? prepared.input.start : prepared.recording->input.values,
           .input_middle = 0.5 * (options_.knots.front() + options_.knots.back()),
           .rest_input = options_.knots.front(),
-          .secant = (highest - lowest) / (options_.knots.back() - options_.knots.front())};
+          .secant = (highest - lowest) / (options_.knots.back() - options_.knots.front()),
+          .measured = is_ahead ? std::span<const double>{} : prepared.recording->output.values,
+          .noise_rms = std::sqrt(prepared.noise_variance)};
 }
 
 ValveFitProblem::Blocks ValveFitProblem::blocks_of(const VectorXd& v, std::size_t recording, std::size_t laws) const {

@@ -72,6 +72,10 @@ struct LawContext {
   double input_middle = 0;         ///< kSteady: middle of the input's range, ends of the map
   double rest_input = 0;           ///< kPosition: where a restoring spring is relaxed (valve: the lowest input)
   double secant = 0;               ///< kPosition: output per input over the whole range, ends of the map
+  /// kOutput: the reading itself, and the rms of its noise. Empty in a free run. A law may follow in it the phase of
+  /// what no input foretells, and of every sample it may look at others only.
+  std::span<const double> measured;
+  double noise_rms = 0;
 };
 
 /// The valve's blocks, whose parameters a kPhysics law changes.

@@ -121,6 +121,37 @@ TEST(ValveDiagnosis, AToneThatHalfOfTheRecordingsHaveIsNotTheStands) {
   EXPECT_EQ(with_tone(2, 0.2).conclusion, Conclusion::kUnexplained);
 }
 
+TEST(ValveDiagnosis, HuntingWhosePhaseDriftsIsNamedAndAToneThatDriftsAtAllLevelsIsNot) {
+  const test::MadeValve valve;
+  const auto healthy = test::session(valve, kNoise_psi, 5);
+  const Population population(healthy, valve);
+  // Around 150 psi or everywhere; no phase is foretold for longer than a few seconds.
+  const auto with_drifting = [&](double half_width_psi) {
+    std::mt19937_64 random(8);
+    std::normal_distribution<double> step(0, 0.03);
+    std::vector<Recording> recordings = healthy;
+    for (Recording& recording : recordings) {
+      double phase = 100 * step(random);
+      const std::vector<double> level = recording.output.values;
+      for (std::size_t i = 0; i < recording.samples(); ++i) {
+        const double far = (level[i] - 150) / half_width_psi;
+        recording.output.values[i] += 0.4 * std::sqrt(std::max(0.0, 1 - far * far)) * std::sin(phase);
+        phase += 2 * std::numbers::pi * 9 * 0.005 + step(random);
+      }
+    }
+    return diagnosed(recordings, population).discrepancy;
+  };
+  const Discrepancy hunting = with_drifting(50);
+  EXPECT_EQ(hunting.conclusion, Conclusion::kNamed);
+  ASSERT_EQ(hunting.causes.size(), 1u);
+  EXPECT_EQ(hunting.causes.front().cause, "self_oscillation");
+  EXPECT_NEAR(hunting.causes.front().parameters.at(0).second.value, 9, 0.2);
+  EXPECT_NEAR(hunting.causes.front().parameters.at(2).second.value, 150, 10);
+  EXPECT_GT(hunting.gain.reduction_ci95[0], 0);
+  const Discrepancy tone = with_drifting(1e6);
+  EXPECT_NE(tone.conclusion, Conclusion::kNamed);
+}
+
 TEST(ValveDiagnosis, AReadingThatHoldsAnotherLevelAtEveryRestIsNoSlowNoise) {
   const test::MadeValve valve;
   const auto healthy = test::session(valve, kNoise_psi, 5);

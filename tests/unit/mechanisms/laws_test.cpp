@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <random>
+#include <vector>
 
 #include "tests/unit/mechanisms/example.h"
 
@@ -279,6 +281,54 @@ TEST(Laws, HuntingLivesAroundItsLevelOnly) {
   EXPECT_EQ(swing(0, 500), 0);
   EXPECT_NEAR(swing(1000, 1300), 2, 0.05);
   EXPECT_LT(swing(1700, 2000), 0.02);
+}
+
+/// Noise of a gauge, standard deviation 1.
+std::vector<double> noise(unsigned seed) {
+  std::mt19937 random(seed);
+  std::normal_distribution<double> normal;
+  std::vector<double> samples(example::kSamples);
+  for (double& sample : samples) sample = normal(random);
+  return samples;
+}
+
+double squares(const std::vector<double>& a, const std::vector<double>& b) {
+  double sum = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) sum += (a[i] - b[i]) * (a[i] - b[i]);
+  return sum;
+}
+
+TEST(Laws, HuntingTakesItsPhaseFromTheReadingAroundEachSample) {
+  constexpr double kAmplitude = 1, kNoise = 0.5;
+  const std::vector<double> level(example::kSamples, 120.0), loud = noise(3);
+  std::vector<double> quiet = level, measured = level;
+  for (std::size_t i = 0; i < level.size(); ++i) {
+    // Half way through it begins anew, with another phase; it lives from the second sample on.
+    const double phase = 2 * std::numbers::pi * 8 * example::kPeriod_s * static_cast<double>(i);
+    quiet[i] += kAmplitude * std::cos(phase + (i < example::kSamples / 2 ? 0.4 : 2.6));
+    measured[i] = quiet[i] + kNoise * loud[i];
+  }
+  const LawContext free{.output_range = 210};
+  const LawContext followed{.output_range = 210, .measured = measured, .noise_rms = kNoise};
+  const std::vector<double> parameters{8, kAmplitude, 120, 60, 0, 40, 0};
+  const double there = squares(quiet, level);
+  EXPECT_GT(squares(run("self_oscillation", parameters, level, free), quiet), there);
+  // A phase from half a second to either side, a tenth of a second left out, errs by less than a fifth.
+  EXPECT_LT(squares(run("self_oscillation", parameters, level, followed), quiet), 0.1 * there);
+}
+
+TEST(Laws, HuntingFollowsNoNoise) {
+  const std::vector<double> level(example::kSamples, 120.0);
+  for (const unsigned seed : {1u, 2u, 3u, 4u, 5u, 6u, 7u, 8u}) {
+    for (const double amplitude : {0.05, 0.2, 0.8}) {
+      std::vector<double> measured = noise(seed);
+      for (double& value : measured) value += 120;
+      const LawContext context{.output_range = 210, .measured = measured, .noise_rms = 1};
+      const auto hunted = run("self_oscillation", {8, amplitude, 120, 60, 0, 40, 0}, level, context);
+      // What comes of other samples lowers the squares of noise by chance alone: a normal deviate less its cost.
+      EXPECT_LT(squares(measured, level) - squares(measured, hunted), 9) << seed << " " << amplitude;
+    }
+  }
 }
 
 TEST(Laws, DisturbancesAreLinearInSineAndCosine) {
