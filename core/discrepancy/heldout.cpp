@@ -109,17 +109,20 @@ class Refit {
       if (is_whole(fold)) moved.segment(problem.own_at(fold.recording), problem.own()).setZero();
       squares += rows_[fold.recording].error.segment(fold.first, fold.count).squaredNorm();
     }
-    if (turns_) return as_far_as_it_lowers(moved, folds);
+    const double kept = explanation_.cost - static_cast<double>(problem.stride()) * squares;
+    if (!explanation_.laws.empty()) return as_far_as_it_lowers(moved, folds, kept);
     const double change = step.dot(a * step) - 2 * b.dot(step);
-    const double kept = explanation_.cost - static_cast<double>(problem.stride()) * squares + change;
-    return {problem.clamped(explanation_.v + moved), kept};
+    return {problem.clamped(explanation_.v + moved), kept + change};
   }
 
  private:
   bool is_whole(const Fold& fold) const { return fold.count == rows_[fold.recording].error.size(); }
 
-  /// A phase that turns with the level is linear for a fraction of a turn only: a whole step may lead past the minimum.
-  Without as_far_as_it_lowers(const VectorXd& step, std::span<const Fold> folds) const {
+  /// A law is linear over a short way only: a whole step may lead past the minimum, along a direction in which a law
+  /// and the map stand for each other far past it, and for a phase that turns with the level nearly always.
+  ///
+  /// kept  cost of the samples that were kept, before the step
+  Without as_far_as_it_lowers(const VectorXd& step, std::span<const Fold> folds, double kept) const {
     const ValveFitProblem& problem = *explanation_.problem;
     Without best;
     for (const double share : {1.0, 0.5, 0.25, 0.125}) {
@@ -131,6 +134,7 @@ class Refit {
         tried.cost -= static_cast<double>(problem.stride()) * problem.inverse_variance(r) *
                       errors_on(problem.recording(r), runs[r].output, fold, rows_[r]).squaredNorm();
       }
+      if (!turns_ && tried.cost <= kept) return tried;
       if (share < 1 && !(tried.cost < best.cost)) break;
       best = std::move(tried);
     }

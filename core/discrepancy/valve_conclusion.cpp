@@ -7,6 +7,7 @@
 #include <boost/math/distributions/students_t.hpp>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 #include "core/discrepancy/advise.h"
 #include "core/discrepancy/evidence.h"
@@ -407,6 +408,50 @@ void measure_each(const SearchedValve& searched, Discrepancy& discrepancy) {
   }
 }
 
+/// Of each cause of a survey: odds that the valve has it at a size that these tests do not see. Its p-value is that of
+/// the fit together with the valve where there is one; the survey's is a forecast.
+std::vector<double> odds_of_being_too_small(const Contest& contest) {
+  const std::vector<Tested>& tested = contest.survey.tested;
+  const double share = 1.0 / static_cast<double>(tested.size());
+  std::vector<double> odds;
+  for (const Tested& law : tested) {
+    const auto entry = std::find_if(contest.entries.begin(), contest.entries.end(),
+                                    [&](const Ranked& r) { return r.fitted_jointly && r.cause == law.cause(); });
+    const double p_value = entry != contest.entries.end() ? entry->p_value : law.p_value;
+    odds.push_back(kOddsOfAFault * share * odds_at_unknown_size(p_value));
+  }
+  return odds;
+}
+
+/// Several causes together, the named ones first; where one has rivals, with each of them in its place.
+std::vector<Candidate> together_of(const std::vector<WonPlace>& places, const Discrepancy& discrepancy) {
+  std::vector<Candidate> together{{.cause = "", .probability = 1}};
+  for (std::size_t l = 0; l < discrepancy.causes.size(); ++l) {
+    const NamedCause& named = discrepancy.causes[l];
+    std::vector<std::pair<std::string, double>> here{{named.cause, 1}};
+    for (const Ranked& r : places[l].ranked) {
+      const auto& rivals = named.alternatives;
+      if (r.cause == named.cause) here.front().second = r.probability;
+      if (std::find(rivals.begin(), rivals.end(), r.cause) != rivals.end()) here.emplace_back(r.cause, r.probability);
+    }
+    double sum = 0;
+    for (const auto& [cause, probability] : here) sum += probability;
+    std::vector<Candidate> wider;
+    for (const Candidate& before : together) {
+      for (const auto& [cause, probability] : here) {
+        wider.push_back({.cause = before.cause + (before.cause.empty() ? "" : "+") + cause,
+                         .probability = before.probability * (sum > 0 ? probability / sum : 0),
+                         .rmse_heldout = kUnknown,
+                         .reason = "in the place of what is named"});
+      }
+    }
+    together = std::move(wider);
+  }
+  together.front().rmse_heldout = discrepancy.gain.rmse_extended;
+  together.front().reason = "each needed beside the others";
+  return together;
+}
+
 std::vector<Candidate> candidates_of(const Grounds& grounds, const Discrepancy& discrepancy, const Leftover& leftover,
                                      const LinearisedValve& linear) {
   const SearchedValve& searched = grounds.searched;
@@ -415,23 +460,22 @@ std::vector<Candidate> candidates_of(const Grounds& grounds, const Discrepancy& 
   const std::size_t laws = searched.explanation.laws.size();
   const std::vector<Ranked> unranked;
   const auto& ranked = laws == 0 ? searched.first.ranked : laws == 1 ? searched.places.front().ranked : unranked;
-  // Where nothing is found, how much of the doubt is whose: a fault too small for these tests is still one.
-  const auto odds_of_being_too_small = [&](const Tested& tested) {
-    const double share = 1.0 / static_cast<double>(searched.first.survey.tested.size());
-    return is_none ? kOddsOfAFault * share * odds_at_unknown_size(tested.p_value) : 0;
-  };
-  double odds_of_any = 0;
-  for (const Tested& tested : searched.first.survey.tested) odds_of_any += odds_of_being_too_small(tested);
+  // Where nothing is found, how much of the doubt is whose: a fault too small for these tests is still one. They ask
+  // for more than even odds before they take a valve for faulty, and what is short of that is told as no more than
+  // even.
+  const std::vector<double> odds = is_none ? odds_of_being_too_small(searched.first) : std::vector<double>{};
+  const double odds_of_any = std::accumulate(odds.begin(), odds.end(), 0.0);
+  const double most_odds = odds_of_any > 1 ? 1 / odds_of_any : 1;
   std::vector<Candidate> candidates;
   candidates.push_back({.cause = "none",
-                        .probability = is_none ? 1 / (1 + odds_of_any) : 0.0,
+                        .probability = is_none ? 1 / (1 + most_odds * odds_of_any) : 0.0,
                         .rmse_heldout = discrepancy.gain.rmse_baseline,
                         .reason = is_none ? "nothing beyond what good valves leave"
                                           : "the simulation leaves more than any good valve would"});
-  for (const Tested& tested : searched.first.survey.tested) {
-    Candidate candidate{.cause = tested.cause(),
-                        .probability = odds_of_being_too_small(tested) / (1 + odds_of_any),
-                        .rmse_heldout = kUnknown};
+  for (std::size_t i = 0; i < searched.first.survey.tested.size(); ++i) {
+    const Tested& tested = searched.first.survey.tested[i];
+    Candidate candidate{.cause = tested.cause(), .rmse_heldout = kUnknown};
+    if (is_none) candidate.probability = most_odds * odds[i] / (1 + most_odds * odds_of_any);
     candidate.reason = fmt::format("evidence {:.1f} of {:.1f} promised, noise alone {:.1f}, in a good valve p {:.2g}",
                                    tested.evidence.value, tested.promise.value, tested.noise_reduction, tested.p_value);
     if (laws == 1 && candidate.cause == discrepancy.causes.front().cause) {
@@ -449,12 +493,10 @@ std::vector<Candidate> candidates_of(const Grounds& grounds, const Discrepancy& 
     candidates.push_back(std::move(candidate));
   }
   if (laws > 1) {
-    Candidate together{.rmse_heldout = discrepancy.gain.rmse_extended, .reason = "each needed beside the others"};
-    for (const NamedCause& cause : discrepancy.causes) {
-      together.cause += (together.cause.empty() ? "" : "+") + cause.cause;
+    for (Candidate& together : together_of(searched.places, discrepancy)) {
+      if (is_unknown) together.probability = 0;
+      candidates.push_back(std::move(together));
     }
-    together.probability = is_unknown ? 0 : 1;
-    candidates.push_back(std::move(together));
   }
   candidates.push_back({.cause = "unknown",
                         .probability = is_unknown ? 1.0 : 0.0,
@@ -462,6 +504,15 @@ std::vector<Candidate> candidates_of(const Grounds& grounds, const Discrepancy& 
                         .reason = fmt::format("what is left has p {:.2g} in a good valve", leftover.p_value)});
   for (const Candidate& candidate : searched.first.survey.untestable) candidates.push_back(candidate);
   return candidates;
+}
+
+/// Whether recordings that the causes were not fitted to bear them out: they close a part of what the baseline leaves
+/// there, or it leaves nothing, for a cause that the prior carries is one that the baseline takes up.
+bool is_borne_out(const DiscrepancyGain& gain) {
+  const double noise = gain.noise_floor * gain.noise_floor;
+  const double there = gain.rmse_baseline * gain.rmse_baseline - noise;
+  const double left = gain.rmse_extended * gain.rmse_extended - noise;
+  return there < (kLoud - 1) * noise || left < (1 - kMostLeft) * there;
 }
 
 /// Whether what is left of the valve is what good valves leave, or little of what was there, and no sign speaks against
@@ -484,7 +535,7 @@ bool is_explained(const Grounds& grounds, const LinearisedValve& linear, const L
                        (explanation.laws.empty() ? has_certain_line(findings) : is_loud);
   const double there = baseline.cost - noise_cost(baseline);
   const double remains = std::max(0.0, explanation.cost - noise);
-  return !is_left || (!explanation.laws.empty() && remains < kMostLeft * there);
+  return !is_left || (!explanation.laws.empty() && remains < kMostLeft * there && is_borne_out(gain));
 }
 
 }  // namespace

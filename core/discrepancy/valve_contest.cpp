@@ -233,13 +233,17 @@ std::vector<const Tested*> late_entries(const std::string& cause, const Survey& 
   return late;
 }
 
-/// ln likelihood of an explanation by a law, tempered; each parameter pays the half logarithm of the samples that count
-/// (Schwarz, Ann. Stat. 6 (1978) 461). Where a memory stood when a recording began its first reversals wipe out, and no
-/// sample after them tells of it: it pays what noise gives a parameter.
+/// ln likelihood of an explanation by a law, tempered. Each parameter pays the half logarithm of the samples that tell
+/// of it (Schwarz, Ann. Stat. 6 (1978) 461): a recording's own those of that recording. Where a memory stood when a
+/// recording began its first reversals wipe out, and no sample after them tells of it: it pays what noise gives a
+/// parameter.
 double log_likelihood(double cost, const LawFit& law, double inflation, double samples) {
-  const Index lasting = law.law.law->memory ? static_cast<Index>(law.law.shared()) : law.freedoms;
-  return -0.5 * cost / inflation - 0.5 * static_cast<double>(law.freedoms - lasting) -
-         0.5 * static_cast<double>(lasting) * std::log(std::max(samples / inflation, 2.0));
+  const auto half_log = [&](double count) { return 0.5 * std::log(std::max(count / inflation, 2.0)); };
+  const auto shared = std::min(law.freedoms, static_cast<Index>(law.law.shared()));
+  const auto own = static_cast<double>(law.freedoms - shared);
+  const double recordings = own > 0 ? own / static_cast<double>(law.law.own()) : 1;
+  const double paid_by_own = law.law.law->memory ? 0.5 : half_log(samples / recordings);
+  return -0.5 * cost / inflation - static_cast<double>(shared) * half_log(samples) - own * paid_by_own;
 }
 
 double squares_of(const Stack& residual) {

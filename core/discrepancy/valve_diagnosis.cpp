@@ -18,6 +18,9 @@ constexpr int kMostCauses = 3;
 // of it where free runs stick, which miss the instants of slips.
 constexpr double kIdealisationOfSlips = 3 * kIdealisation;
 
+// Standard errors that a size is from none by, or its 95 % interval has none in it.
+constexpr double kCertainly = 1.96;
+
 class Diagnosis {
  public:
   Diagnosis(std::span<const Recording> recordings, const ValveFit& baseline, const ValveDiagnosisOptions& options)
@@ -32,6 +35,8 @@ class Diagnosis {
       while (explanation.laws.size() < static_cast<std::size_t>(kMostCauses) && add_one(explanation)) {
       }
       if (explanation.laws.size() > 1) reconsider(explanation);
+      while (explanation.laws.size() > 1 && drop_one_without_size(explanation)) {
+      }
       if (explanation.laws.size() == 1) compare_alone(explanation);
     }
     return conclude({baseline_, explanation, places_, first_}, options_);
@@ -88,6 +93,28 @@ class Diagnosis {
       }
       ++i;
     }
+  }
+
+  /// Beside the others a cause may have come to stand where it does nothing, or where a bound ends what it does: one
+  /// whose size may as well be none is none.
+  bool drop_one_without_size(Explanation& explanation) {
+    const std::vector<double> errors = explanation.standard_errors(noise_inflation(whitened_residual(explanation)));
+    std::size_t at = 0;
+    for (std::size_t l = 0; l < explanation.laws.size(); ++l) {
+      const Mechanism& law = *explanation.laws[l].law.law;
+      const std::size_t size = at + law.size_parameter;
+      at += law.parameters.size();
+      // A memory's size is that of the valve's own loops as well.
+      if (law.size_parameter >= law.parameters.size() || law.memory || !std::isfinite(law.neutral)) continue;
+      const double from_none =
+          explanation.problem->law_parameters(explanation.v, l, 0)[law.size_parameter] - law.neutral;
+      if (std::abs(from_none) >= kCertainly * errors[size]) continue;
+      explanation = without(explanation, l, kRefitSteps);
+      places_.erase(places_.begin() + static_cast<std::ptrdiff_t>(l));
+      if (explanation.laws.size() == 1) places_.front() = first_place(explanation);
+      return true;
+    }
+    return false;
   }
 
   /// The one that is left of several is not the one that won alone: the two are compared as they fit now.
