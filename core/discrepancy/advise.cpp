@@ -155,8 +155,9 @@ double normal_below(double z) {
 }
 
 /// Chance that the true one reaches the settling posterior against a rival.
-double beats(double d, const Alternative& own, const Alternative& rival, const AdviceOptions& options) {
-  const double asked = options.least_log_odds ? options.least_log_odds(own, rival) : 0;
+double beats(double d, std::size_t samples, const Alternative& own, const Alternative& rival,
+             const AdviceOptions& options) {
+  const double asked = options.least_log_odds ? options.least_log_odds(own, rival, samples) : 0;
   const double odds = std::max(std::log(kSettled / (1 - kSettled) * rival.probability / own.probability), asked);
   if (!std::isfinite(odds)) return 0;
   if (d < 1e-9) return odds <= 0 ? 1 : 0;
@@ -202,7 +203,7 @@ std::optional<Worth> worth_of(std::span<const Alternative* const> rivals, const 
     for (std::size_t j = 0; j < runs.size(); ++j) {
       if (j == i) continue;
       const double apart = d(static_cast<Index>(i), static_cast<Index>(j));
-      settled -= 1 - beats(apart, *rivals[i], *rivals[j], options);
+      settled -= 1 - beats(apart, play.input.size(), *rivals[i], *rivals[j], options);
     }
     settled = std::max(settled, 0.0);
     worth.expected += rivals[i]->probability * settled;

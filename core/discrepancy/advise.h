@@ -25,9 +25,9 @@ struct AdviceOptions {
   double bias_rms = 0;   ///< of what a right model leaves beside noise; it does not average out with more samples
   double input_low = 0, input_high = 0;  ///< what the stand may play, unit of the input
   double sample_rate_hz = 200;
-  /// ln odds of the true one to a rival that settle the question between them at the least, whatever the posterior;
-  /// infinite where nothing does. Empty: 0.
-  std::function<double(const Alternative& true_one, const Alternative& rival)> least_log_odds;
+  /// ln odds of the true one to a rival that settle the question between them at the least, whatever the posterior,
+  /// after a test of so many samples; infinite where nothing does. Empty: 0.
+  std::function<double(const Alternative& true_one, const Alternative& rival, std::size_t samples)> least_log_odds;
 };
 
 /// The test of the stand's repertoire that is expected to tell the alternatives apart best: steps, staircase, triangles

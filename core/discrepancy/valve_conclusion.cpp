@@ -213,9 +213,14 @@ void add_parameters(const Grounds& grounds, std::size_t l, NamedCause& named) {
   const Mechanism& law = *in_fit.law;
   const CauseOnGoodValves* good = on_good_valves(grounds.options.causes, law.cause);
   const int good_valves = grounds.options.good_valves;
-  const std::vector<double> values = explanation.problem->law_parameters(explanation.v, l, 0);
+  std::vector<double> values = explanation.problem->law_parameters(explanation.v, l, 0);
+  // A force on the moving spool beyond breakaway acts as breakaway does.
+  if (law.cause == "friction") values[1] = std::min(values[1], values[0]);
   const double own = own_excess(law, explanation.v, *explanation.options);
   for (std::size_t j = 0; j < law.parameters.size(); ++j) {
+    // A lower level below every output is none.
+    const bool may_be_none = std::isinf(law.parameters[j].otherwise);
+    if (may_be_none && values[j] < explanation.v(ValveFitProblem::kParameters)) continue;
     const bool has_neutral = std::isfinite(law.neutral);
     const bool is_size = good && j == law.size_parameter;
     const bool is_excess = is_size && has_neutral;
@@ -235,6 +240,11 @@ void add_parameters(const Grounds& grounds, std::size_t l, NamedCause& named) {
       between = std::hypot(half_width95(*good, good_valves), kTwoSided95 * kIdealisation * beyond);
     }
     add_interval(grounds, l, j, between, estimate);
+    // No interval leaves what the law allows, told from where the estimate is.
+    estimate.ci95[0] =
+        std::max(estimate.ci95[0], std::min(estimate.value, estimate.value + in_fit.lower[j] - values[j]));
+    estimate.ci95[1] =
+        std::min(estimate.ci95[1], std::max(estimate.value, estimate.value + in_fit.upper[j] - values[j]));
     estimate.population_mean = is_excess ? counted_from + law.neutral : is_size ? good->size_mean : kUnknown;
     estimate.population_sd = is_size ? good->size_sd : kUnknown;
     if (is_size) {
@@ -341,16 +351,18 @@ std::vector<Alternative> alternatives_at(const Grounds& grounds, std::size_t ope
   return alternatives;
 }
 
-/// Inflated noise variances by which one of a place's causes must still come to lead another before that is out.
+/// Inflated noise variances by which one of a place's causes must still come to lead another before that is out, in a
+/// test in which the right one leaves `more_left`: where laws leave structure more samples leave more of it.
 double lead_still_asked_for(std::span<const Ranked> ranked, const std::string& cause, const std::string& rival,
-                            bool leaves_usual, double inflation, const ValveDiagnosisOptions& options) {
+                            bool leaves_usual, double more_left, double inflation,
+                            const ValveDiagnosisOptions& options) {
   const auto of = [&](const std::string& name) {
     return std::find_if(ranked.begin(), ranked.end(), [&](const Ranked& r) { return r.cause == name; });
   };
   const auto winner = of(cause), other = of(rival);
   if (winner == ranked.end() || other == ranked.end()) return kLeastEvidence;
   const double lead = (winner->reduction - other->reduction) / inflation;
-  return lead_asked_for(*winner, *other, leaves_usual, inflation, options) - lead;
+  return lead_asked_for(*winner, *other, leaves_usual, more_left, inflation, options) - lead;
 }
 
 std::optional<NextTest> next_test(const Grounds& grounds, const std::vector<NamedCause>& causes, bool leaves_usual) {
@@ -376,9 +388,10 @@ std::optional<NextTest> next_test(const Grounds& grounds, const std::vector<Name
   advice.bias_rms = advice.noise_rms * std::sqrt(std::max(0.0, explanation.cost - noise_cost(explanation)) / samples);
   advice.sample_rate_hz = 1 / period_s;
   const std::vector<Ranked>& ranked = grounds.searched.places[*open].ranked;
-  advice.least_log_odds = [&](const Alternative& true_one, const Alternative& rival) {
-    return 0.5 *
-           lead_still_asked_for(ranked, true_one.cause, rival.cause, leaves_usual, grounds.inflation, grounds.options);
+  const double left_per_sample = std::pow(advice.bias_rms / advice.noise_rms, 2);
+  advice.least_log_odds = [&](const Alternative& true_one, const Alternative& rival, std::size_t more) {
+    return 0.5 * lead_still_asked_for(ranked, true_one.cause, rival.cause, leaves_usual,
+                                      left_per_sample * static_cast<double>(more), grounds.inflation, grounds.options);
   };
   return advise_next_test(alternatives_at(grounds, *open, causes[*open]), advice);
 }

@@ -550,10 +550,11 @@ double own_excess(const Mechanism& law, const VectorXd& v, const ValveFitOptions
   return parameters[law.size_parameter];
 }
 
-double lead_asked_for(const Ranked& winner, const Ranked& rival, bool leaves_usual, double inflation,
+double lead_asked_for(const Ranked& winner, const Ranked& rival, bool leaves_usual, double more_left, double inflation,
                       const ValveDiagnosisOptions& options) {
   const double told_apart = kLeastEvidence + scatter_between(winner, rival, options);
-  return leaves_usual ? told_apart : std::max(told_apart, (clearly_more(winner, rival) - 1) * winner.left / inflation);
+  if (leaves_usual) return told_apart;
+  return std::max(told_apart, (clearly_more(winner, rival) - 1) * (winner.left + more_left) / inflation);
 }
 
 bool leaves_memory(const Mechanism& law, const VectorXd& v, const ValveDiagnosisOptions& options) {

@@ -72,8 +72,10 @@ Contest held_again(const Contest& contest, const Explanation& beside, const Expl
                    const ValveDiagnosisOptions& options);
 
 /// Inflated noise variances by which a winner has to lead a rival that is as near as this one before it is out.
-/// `leaves_usual` is whether the winner leaves nothing that good valves do not leave. Infinite: no lead settles it.
-double lead_asked_for(const Ranked& winner, const Ranked& rival, bool leaves_usual, double inflation,
+///
+/// leaves_usual  whether the winner leaves nothing that good valves do not leave
+/// more_left     noise variances that it would leave in further recordings
+double lead_asked_for(const Ranked& winner, const Ranked& rival, bool leaves_usual, double more_left, double inflation,
                       const ValveDiagnosisOptions& options);
 
 /// What the valve's own loops at v hold beyond good valves' mean of what a law of memory does too [A]; 0 for any other.

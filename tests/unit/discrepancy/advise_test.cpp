@@ -101,7 +101,7 @@ TEST(Advise, WhatIsAskedForBesideThePosteriorMakesATestSettleLess) {
   const std::vector<Alternative> open{alternative("gain_loss", {0.998}, 0.5), alternative("none", {}, 0.5)};
   const auto chance = [&](double least_log_odds) {
     AdviceOptions options = kStand;
-    options.least_log_odds = [=](const Alternative&, const Alternative&) { return least_log_odds; };
+    options.least_log_odds = [=](const Alternative&, const Alternative&, std::size_t) { return least_log_odds; };
     const auto next = advise_next_test(open, options);
     return next ? next->expected_probability : 0;
   };
@@ -114,7 +114,7 @@ TEST(Advise, PromisesNothingForACauseWhoseRivalNoLeadSettles) {
   const auto chance = [&](bool is_asked) {
     AdviceOptions options = kStand;
     if (is_asked) {
-      options.least_log_odds = [](const Alternative& true_one, const Alternative&) {
+      options.least_log_odds = [](const Alternative& true_one, const Alternative&, std::size_t) {
         return true_one.cause == "none" ? std::numeric_limits<double>::infinity() : 0.0;
       };
     }
