@@ -35,6 +35,7 @@ struct FreeRuns {
   FreeRunsOf extended;                    ///< empty where nothing was added
   std::vector<FreeRunsOf> without_cause;  ///< by cause of `extended`, the same without it
   bool unstable = false;
+  std::string not_comparable;  ///< why nothing can be said against the reference; empty where something can
 };
 
 bool all_in_valve_units(std::span<const Recording> recordings) {
@@ -95,7 +96,10 @@ Recording within_reference(const Recording& recording, const Reference& referenc
   return kept;
 }
 
-QualityItem outside_item(const Reference& reference, std::size_t count) {
+QualityItem outside_item(const Recording& recording, const Reference& reference, std::size_t count) {
+  if (count == recording.samples()) {
+    return {"outside_reference", outside_throughout(std::span(&recording, 1), reference), count};
+  }
   return {"outside_reference",
           fmt::format("the input leaves the reference's range of {:.3f} to {:.3f} A; those samples are left out of "
                       "verdict and naming",
@@ -105,6 +109,8 @@ QualityItem outside_item(const Reference& reference, std::size_t count) {
 
 // Time constants until what a gap hid is forgotten: e⁻⁵ of it is left, below the noise.
 constexpr double kMemories = 5;
+// Less than this within the reference says nothing about a valve, nor does less than the memory that the rest has left.
+constexpr double kLeastCompared_s = 1;
 
 QualityItem lost_input_item(std::size_t count) {
   return {
@@ -141,12 +147,13 @@ void diagnose(std::span<const Recording> recordings, const ValveFit& fit, const 
 Result<FreeRuns> run_reference(std::span<const Recording> recordings, Analysis& analysis) {
   const Reference& reference = *analysis.baseline.reference;
   if (const auto current = require_current(reference); !current) return tl::unexpected(current.error());
+  const double memory_s = kMemories * reference.model.volume->time_constant_s;
   std::vector<Recording> kept;
   for (std::size_t r = 0; r < recordings.size(); ++r) {
     std::size_t outside = 0;
     kept.push_back(within_reference(recordings[r], reference, outside));
-    if (outside > 0) analysis.recordings[r].quality.push_back(outside_item(reference, outside));
-    const std::size_t lost = leave_out_lost_input(kept.back(), kMemories * reference.model.volume->time_constant_s);
+    if (outside > 0) analysis.recordings[r].quality.push_back(outside_item(recordings[r], reference, outside));
+    const std::size_t lost = leave_out_lost_input(kept.back(), memory_s);
     if (lost > 0) analysis.recordings[r].quality.push_back(lost_input_item(lost));
   }
   ValveFitOptions options;
@@ -160,8 +167,11 @@ Result<FreeRuns> run_reference(std::span<const Recording> recordings, Analysis& 
       to_model(fit->parameters, KnotCurve(options.knots).rising_through(fit->map.output), options.usual);
 
   FreeRuns runs;
-  // A reference learned without the engine's survey of its valves has no scale to name a cause by.
-  if (!reference.causes.empty()) diagnose(kept, *fit, options, reference, analysis, runs);
+  runs.not_comparable = not_comparable(recordings, kept, reference, std::max(kLeastCompared_s, memory_s));
+  // A reference learned without the engine's survey of its valves has no scale to name a cause by, and samples that the
+  // reference cannot be compared with are no sign of a good valve.
+  if (!reference.causes.empty() && runs.not_comparable.empty())
+    diagnose(kept, *fit, options, reference, analysis, runs);
   runs.baseline = std::move(fit->simulated);
   for (const Recording& recording : recordings) {
     auto population = simulate_extended(reference.model, recording, InitialState{});
@@ -380,7 +390,8 @@ Result<Analysis> analyze(std::span<const Recording> recordings, const AnalysisOp
                            .baseline = analysis.baseline.kind,
                            .valve_units = all_in_valve_units(recordings),
                            .feedback = any_feedback(recordings),
-                           .unstable = runs->unstable},
+                           .unstable = runs->unstable,
+                           .not_comparable = runs->not_comparable},
                           options.rule_base);
   };
   analysis.classification = classified(analysis.simulation.by_level);

@@ -38,6 +38,7 @@ std::optional<ClassificationResult> obstacle(const VerdictInputs& inputs, const 
     return none(NoVerdict::kSelfBaseline,
                 "the valve was compared with itself; a verdict needs a reference learned from good valves", "engineer");
   }
+  if (!inputs.not_comparable.empty()) return none(NoVerdict::kLevelMissing, inputs.not_comparable, "retest");
   if (!rule_base) {
     return none(NoVerdict::kNoRuleBase, "no rule base was given; learn one from labelled valves of this stand",
                 "engineer");

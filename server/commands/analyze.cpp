@@ -122,7 +122,11 @@ std::string page_of(const Analysis& analysis) {
   page += fmt::format("Baseline    {}: {}\n", to_string(analysis.baseline.kind), analysis.baseline.reason);
   page += fmt::format("Simulation  rmse {:.4g} {}, noise floor {:.4g} {}, fit {:.2f} %\n", analysis.simulation.rmse,
                       unit, analysis.simulation.noise_floor, unit, analysis.simulation.fit_percent);
-  if (analysis.discrepancy) append_discrepancy(*analysis.discrepancy, unit, page);
+  if (analysis.discrepancy) {
+    append_discrepancy(*analysis.discrepancy, unit, page);
+  } else {
+    page += "Discrepancy not looked for\n";
+  }
   append_levels(analysis, unit, page);
   append_responses(analysis, page);
   append_recordings(analysis, page);

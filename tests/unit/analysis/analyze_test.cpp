@@ -186,6 +186,50 @@ TEST(Analyze, ARecordingThatIsOutsideTheReferenceThroughoutHasNoVerdictAndSaysWh
   EXPECT_EQ(analysis.classification.reason, NoVerdict::kLevelMissing);
 }
 
+TEST(Analyze, RecordingsThatAreAllOutsideTheReferenceAreNoGoodValveAndTheLikelySlipIsNamed) {
+  const auto scaled = [](std::vector<Recording> recordings, double factor) {
+    for (Recording& recording : recordings) {
+      for (double& current : recording.input.values) current *= factor;
+      for (Segment& segment : recording.segments) segment.level *= factor;
+    }
+    return recordings;
+  };
+  const auto session = test::session({}, kNoise_psi, 900);
+  auto swapped = session;
+  for (Recording& recording : swapped) {
+    std::swap(recording.input.values, recording.output.values);
+    // Held between 21 and 210 psi, all of them beyond the reference.
+    for (double& input : recording.input.values) input = 21 + 0.9 * std::abs(input);
+  }
+  for (const auto& [recordings, slip] : {std::pair(scaled(session, -1), "sign of the current"),
+                                         {scaled(session, 1000), "mA are called A"},
+                                         {scaled(session, 1e-3), "A are called mA"},
+                                         {scaled(session, 5), "look like this"},
+                                         {swapped, "columns are swapped"}}) {
+    const auto analysis = analysed(recordings, {.reference = reference()});
+    EXPECT_FALSE(analysis.discrepancy) << slip;
+    EXPECT_EQ(analysis.classification.reason, NoVerdict::kLevelMissing) << slip;
+    EXPECT_EQ(analysis.classification.action, "retest") << slip;
+    EXPECT_NE(analysis.classification.explanation.find("no sample lies within"), std::string::npos) << slip;
+    EXPECT_NE(analysis.classification.explanation.find(slip), std::string::npos) << analysis.classification.explanation;
+    const auto& detail = analysis.recordings.front().quality.back().detail;
+    EXPECT_NE(detail.find(slip), std::string::npos) << detail;
+  }
+}
+
+TEST(Analyze, AMomentWithinTheReferenceIsNoGoodValveEither) {
+  // Within for half a second, before the current steps to where the reference has never been.
+  Recording recording = test::step_to({}, 2.6, kNoise_psi, 1);
+  for (std::size_t i = 0; i < recording.samples(); ++i) {
+    if (i < 100 || i >= 200) recording.input.values[i] = 2.6;
+  }
+  const auto analysis = analysed({recording}, {.reference = reference(), .rule_base = rule_base()});
+  EXPECT_FALSE(analysis.discrepancy);
+  EXPECT_EQ(analysis.classification.reason, NoVerdict::kLevelMissing);
+  EXPECT_NE(analysis.classification.explanation.find("only 0.5 s"), std::string::npos)
+      << analysis.classification.explanation;
+}
+
 TEST(Analyze, AReferenceBaselineWithoutAReferenceIsAnError) {
   const std::vector<Recording> one{test::step_to({}, 1.6, kNoise_psi, 1)};
   const auto analysis = analyze(one, {.baseline = BaselineKind::kReference});
