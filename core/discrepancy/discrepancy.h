@@ -4,6 +4,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -13,6 +14,9 @@ namespace valvetriage {
 
 /// What a simulation gets wrong, why, and what knowing it gains: CONTRACT section 3, field for field. Figures that do
 /// not exist are NaN and become null.
+
+/// Where a finding stands that speaks of how the recordings were made or read, not of the valve: see recording_slip.h.
+inline constexpr std::string_view kStaticMap = "static map";
 
 enum class Conclusion { kNone, kNamed, kAmbiguous, kUnexplained };
 

@@ -13,6 +13,7 @@
 #include "core/discrepancy/evidence.h"
 #include "core/discrepancy/heldout.h"
 #include "core/discrepancy/leftover.h"
+#include "core/discrepancy/recording_slip.h"
 #include "core/residual/noise_floor.h"
 
 namespace valvetriage {
@@ -554,6 +555,7 @@ bool is_explained(const Grounds& grounds, const LinearisedValve& linear, const L
 }  // namespace
 
 ValveDiagnosis conclude(const SearchedValve& searched, const ValveDiagnosisOptions& options) {
+  if (auto slip = recording_slip(searched)) return conclude_slip(searched, std::move(*slip));
   const Explanation& explanation = searched.explanation;
   const double inflation = noise_inflation(whitened_residual(explanation));
   const Grounds grounds{.searched = searched,

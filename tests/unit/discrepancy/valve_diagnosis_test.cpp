@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <numbers>
 #include <random>
 
@@ -72,6 +73,48 @@ TEST(ValveDiagnosis, AGoodValveHasNoCause) {
     EXPECT_TRUE(found.causes.empty());
     EXPECT_EQ(found.gain.reduction, 0);
   }
+}
+
+/// The session with every pressure so many times what it was.
+std::vector<Recording> with_pressures(std::vector<Recording> recordings, double factor) {
+  for (Recording& recording : recordings) {
+    for (double& pressure : recording.output.values) pressure *= factor;
+  }
+  return recordings;
+}
+
+TEST(ValveDiagnosis, APressureOfTheOtherSignIsNoCauseInAValve) {
+  const test::MadeValve valve;
+  const auto healthy = test::session(valve, kNoise_psi, 5);
+  const ValveDiagnosis found = diagnosed(with_pressures(healthy, -1), Population(healthy, valve));
+  EXPECT_EQ(found.discrepancy.conclusion, Conclusion::kUnexplained);
+  EXPECT_TRUE(found.discrepancy.causes.empty());
+  // What is handed out is the baseline's, with nothing that was only simulated.
+  EXPECT_TRUE(found.extended.empty());
+  EXPECT_TRUE(std::isnan(found.discrepancy.gain.rmse_extended));
+  ASSERT_EQ(found.discrepancy.findings.size(), 1u);
+  const Finding& finding = found.discrepancy.findings.front();
+  EXPECT_EQ(finding.where, kStaticMap);
+  EXPECT_NE(finding.what.find("check the sign of the pressure"), std::string::npos) << finding.what;
+  for (const Candidate& candidate : found.discrepancy.candidates) {
+    EXPECT_EQ(candidate.probability, candidate.cause == "unknown" ? 1 : 0) << candidate.cause;
+  }
+}
+
+TEST(ValveDiagnosis, APressureInAnotherUnitIsNoLossOfGainAndALossOfGainNoUnit) {
+  const test::MadeValve valve;
+  const auto healthy = test::session(valve, kNoise_psi, 5);
+  const Population population(healthy, valve);
+  for (const auto& [factor, unit] : {std::pair(0.0689, "bar"), {6.895, "kPa"}}) {
+    const Discrepancy found = diagnosed(with_pressures(healthy, factor), population).discrepancy;
+    EXPECT_EQ(found.conclusion, Conclusion::kUnexplained) << unit;
+    ASSERT_EQ(found.findings.size(), 1u) << unit;
+    EXPECT_NE(found.findings.front().what.find(unit), std::string::npos) << found.findings.front().what;
+  }
+  const MechanismUse loss{.cause = "gain_loss", .parameters = {0.3}};
+  const Discrepancy found = diagnosed(with_cause(healthy, population.model(valve), loss), population).discrepancy;
+  ASSERT_FALSE(found.causes.empty());
+  for (const Finding& finding : found.findings) EXPECT_NE(finding.where, kStaticMap) << finding.what;
 }
 
 /// The logged input with 0.5 mA of noise and a line on it: what 201.7 Hz of dither leaves in a log of 200 Hz.

@@ -98,6 +98,15 @@ TEST(Sentence, OfAnUnexplainedResultSaysThatItIsNotKnown) {
   EXPECT_EQ(summary.fault + summary.gain, "");
 }
 
+TEST(Sentence, OfRecordingsThatNoValveMakesSaysWhatToCheck) {
+  Analysis analysis = with(Conclusion::kUnexplained);
+  analysis.discrepancy->findings.push_back(
+      {.what = "pressure falls: check its sign", .where = std::string(kStaticMap)});
+  const Summary summary = summarise(analysis);
+  EXPECT_NE(summary.discrepancy.find("pressure falls: check its sign."), std::string::npos) << summary.discrepancy;
+  EXPECT_EQ(summary.discrepancy.find("It is not known what"), std::string::npos);
+}
+
 TEST(Sentence, TellsTheStandsFaultFromTheValves) {
   NamedCause offset{.cause = "sensor_offset", .family = "slow", .origin = "stand", .probability = 0.99};
   EXPECT_EQ(summarise(with(Conclusion::kNamed, {offset})).fault, "It is the stand's fault, not the valve's.");

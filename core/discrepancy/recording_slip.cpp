@@ -1,0 +1,148 @@
+#include "core/discrepancy/recording_slip.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <boost/math/distributions/chi_squared.hpp>
+#include <cmath>
+#include <limits>
+#include <span>
+#include <vector>
+
+namespace valvetriage {
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+
+/// What a pressure in psi becomes in another unit.
+struct Unit {
+  const char* name;
+  double per_psi;
+};
+// NIST SP 811 (2008), appendix B: 1 psi = 6.894757 kPa.
+constexpr std::array<Unit, 4> kUnits{
+    {{"bar", 0.06894757}, {"kPa", 6.894757}, {"MPa", 0.006894757}, {"mbar", 68.94757}}};
+// Of the logarithm of a ratio: more than good valves' gains differ by.
+constexpr double kSameRatio = 0.08;
+// A map that is another unit's has the shape of good valves' map.
+constexpr double kSameShape = 0.99;
+// A tail beyond this has no number.
+constexpr double kMostDeviation = 1400;
+
+/// Samples at each knot of the map.
+VectorXd samples_at_knots(const Explanation& explanation) {
+  const std::vector<double>& knots = explanation.options->knots;
+  VectorXd count = VectorXd::Zero(static_cast<Index>(knots.size()));
+  const double spacing = (knots.back() - knots.front()) / static_cast<double>(knots.size() - 1);
+  for (std::size_t r = 0; r < explanation.problem->recordings(); ++r) {
+    const Recording& recording = explanation.problem->recording(r);
+    for (std::size_t i = 0; i < recording.samples(); ++i) {
+      if (!recording.is_valid(i)) continue;
+      const auto knot = static_cast<Index>(std::lround((recording.input.values[i] - knots.front()) / spacing));
+      count(std::clamp(knot, Index{0}, count.size() - 1)) += 1;
+    }
+  }
+  return count;
+}
+
+/// An explanation's map against good valves': fitted = ratio · good + constant.
+struct MapsCompared {
+  double ratio = kUnknown;
+  double correlation = 0;
+};
+MapsCompared compare_maps(const Explanation& explanation, const VectorXd& samples) {
+  const Index knots = explanation.problem->knots();
+  const double total = samples.sum();
+  const auto centred = [&](const VectorXd& map) -> VectorXd { return map.array() - samples.dot(map) / total; };
+  const VectorXd fitted = centred(explanation.v.segment(ValveFitProblem::kParameters, knots));
+  const VectorXd good = centred(explanation.options->prior->mean.tail(knots));
+  const double of_both = samples.dot(fitted.cwiseProduct(good));
+  const double of_good = samples.dot(good.cwiseAbs2()), of_fitted = samples.dot(fitted.cwiseAbs2());
+  if (!(of_good > 0) || !(of_fitted > 0)) return {};
+  return {of_both / of_good, of_both / std::sqrt(of_good * of_fitted)};
+}
+
+/// What it costs to have another map in place of the fitted one, in noise variances.
+double cost_of_map(const Explanation& explanation, const VectorXd& map) {
+  VectorXd v = explanation.v;
+  v.segment(ValveFitProblem::kParameters, map.size()) = map;
+  return explanation.problem->cost(v) - explanation.problem->penalty(v) -
+         (explanation.cost - explanation.problem->penalty(explanation.v));
+}
+
+/// The nearest map that falls nowhere.
+VectorXd rising_map(const Explanation& explanation, const VectorXd& samples) {
+  const VectorXd map = explanation.v.segment(ValveFitProblem::kParameters, samples.size());
+  const VectorXd weights = samples.array() + 1e-6;
+  const std::vector<double> rising =
+      monotone_regression(std::span(map.data(), static_cast<std::size_t>(map.size())),
+                          std::span(weights.data(), static_cast<std::size_t>(map.size())));
+  return Eigen::Map<const VectorXd>(rising.data(), map.size());
+}
+
+Finding finding_of(std::string what, double deviation) {
+  const boost::math::chi_squared one(1);
+  return {.what = std::move(what),
+          .where = std::string(kStaticMap),
+          .statistic = deviation,
+          .p_value = boost::math::cdf(boost::math::complement(one, std::clamp(deviation, 0.0, kMostDeviation))),
+          .share_of_structured_residual = kUnknown};
+}
+
+}  // namespace
+
+std::optional<Finding> recording_slip(const SearchedValve& searched) {
+  const Explanation& explanation = searched.explanation;
+  if (!explanation.options->prior) return std::nullopt;
+  const VectorXd samples = samples_at_knots(explanation);
+  if (!(samples.sum() > 0)) return std::nullopt;
+
+  if (compare_maps(explanation, samples).ratio < 0) {
+    const double deviation = cost_of_map(explanation, rising_map(explanation, samples));
+    if (deviation > samples.sum()) {
+      return finding_of("pressure falls as current rises, in good valves it rises: check the sign of the pressure",
+                        deviation);
+    }
+  }
+  const MapsCompared alone = compare_maps(searched.baseline, samples);
+  for (const Unit& unit : kUnits) {
+    if (alone.correlation < kSameShape || std::abs(std::log(alone.ratio / unit.per_psi)) > kSameRatio) continue;
+    const VectorXd good = searched.baseline.options->prior->mean.tail(samples.size());
+    return finding_of(fmt::format("pressure rises {:.3g} times as far as in good valves, as {} called psi would: check "
+                                  "the unit of the pressure",
+                                  alone.ratio, unit.name),
+                      cost_of_map(searched.baseline, good));
+  }
+  return std::nullopt;
+}
+
+ValveDiagnosis conclude_slip(const SearchedValve& searched, Finding slip) {
+  ValveDiagnosis diagnosis;
+  diagnosis.extended_model = searched.baseline.model();
+  Discrepancy& discrepancy = diagnosis.discrepancy;
+  discrepancy.conclusion = Conclusion::kUnexplained;
+  discrepancy.gain = {.rmse_baseline = kUnknown,
+                      .rmse_extended = kUnknown,
+                      .rmse_black_box = kUnknown,
+                      .noise_floor = kUnknown,
+                      .reduction = kUnknown,
+                      .reduction_ci95 = {kUnknown, kUnknown}};
+  discrepancy.candidates.push_back(
+      {.cause = "none", .rmse_heldout = kUnknown, .reason = "the simulation leaves more than any good valve would"});
+  for (const Tested& tested : searched.first.survey.tested) {
+    discrepancy.candidates.push_back({.cause = tested.cause(),
+                                      .rmse_heldout = kUnknown,
+                                      .reason = "not compared: the recordings contradict any valve"});
+  }
+  discrepancy.candidates.push_back(
+      {.cause = "unknown", .probability = 1, .rmse_heldout = kUnknown, .reason = slip.what});
+  for (const Candidate& candidate : searched.first.survey.untestable) discrepancy.candidates.push_back(candidate);
+  discrepancy.findings.push_back(std::move(slip));
+  return diagnosis;
+}
+
+}  // namespace valvetriage

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <optional>
+
+#include "core/discrepancy/valve_conclusion.h"
+
+namespace valvetriage {
+
+/// What the static map of a fitted valve says of the recordings rather than of the valve: a pressure whose sign is
+/// swapped, or that is in another unit than it is called.
+///
+/// sign  the map of the explanation falls as good valves' map rises, and one that falls nowhere would miss the
+/// pressures
+///       by more than their noise. No law turns a valve round, so whatever was found beside such a map is no cause
+/// unit  the map of the valve alone is good valves' map times what one unit of pressure is in another, within a good
+///       valve's spread of gain
+///
+/// returns  the finding, in words that say what to check; empty for everything a valve can do
+/// Cost     two simulations of the session
+std::optional<Finding> recording_slip(const SearchedValve& searched);
+
+/// The conclusion for such recordings: `unexplained` for this reason, nothing named, nothing added to the baseline. No
+/// figure of the gain exists: what a falling map simulates cannot be handed out.
+ValveDiagnosis conclude_slip(const SearchedValve& searched, Finding slip);
+
+}  // namespace valvetriage
