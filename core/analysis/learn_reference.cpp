@@ -79,29 +79,55 @@ VectorXd mean_of(const std::vector<const Member*>& members) {
 }
 
 /// Figures by which a valve is compared with the others: its parameters, ln rms, and the map at a handful of inputs.
-VectorXd outlier_figures(const Member& member) {
+struct OutlierFigures {
+  VectorXd value;
+  VectorXd error_variance;  ///< of each, by the fit's own account
+};
+
+OutlierFigures outlier_figures(const Member& member) {
   constexpr Index kMapFigures = 6;
   const Index knots = member.vector.size() - kParameters;
-  VectorXd figures(kParameters + 1 + kMapFigures);
-  figures.head(kParameters) = member.vector.head(kParameters);
-  figures(kParameters) = std::log(std::max(member.fit.rmse, 1e-12));
+  OutlierFigures figures{VectorXd(kParameters + 1 + kMapFigures), VectorXd::Zero(kParameters + 1 + kMapFigures)};
+  const auto take = [&](Index figure, Index entry) {
+    figures.value(figure) = member.vector(entry);
+    figures.error_variance(figure) = member.fit.covariance(entry, entry);
+  };
+  for (Index j = 0; j < kParameters; ++j) take(j, j);
+  figures.value(kParameters) = std::log(std::max(member.fit.rmse, 1e-12));
   for (Index k = 0; k < kMapFigures; ++k) {
-    figures(kParameters + 1 + k) = member.vector(kParameters + k * (knots - 1) / (kMapFigures - 1));
+    take(kParameters + 1 + k, kParameters + k * (knots - 1) / (kMapFigures - 1));
   }
   return figures;
 }
 
-/// Externally studentized distance of one member from the others: the largest over its figures.
+/// Where the sampling or the length of the recordings holds a parameter of most members, their spread is that of the
+/// bound, not of valves. A loop or a delay at zero is none: that is where good ones are.
+bool is_held(Index figure, const std::vector<const Member*>& members) {
+  if (figure >= kParameters || !kValveParameters[static_cast<std::size_t>(figure)].logarithmic) return false;
+  const auto held = std::count_if(members.begin(), members.end(), [figure](const Member* member) {
+    return member->fit.at_bound[static_cast<std::size_t>(figure)];
+  });
+  return 2 * held > static_cast<std::ptrdiff_t>(members.size());
+}
+
+/// Externally studentized distance of one member from the others: the largest over its figures. Estimates that agree
+/// by chance, or at zero, are no closer than their own errors.
 double studentized_distance(const Member& member, const std::vector<const Member*>& others) {
-  const VectorXd own = outlier_figures(member);
+  const OutlierFigures own = outlier_figures(member);
+  std::vector<OutlierFigures> theirs;
+  for (const Member* other : others) theirs.push_back(outlier_figures(*other));
   const double n = static_cast<double>(others.size());
   double largest = 0;
-  for (Index j = 0; j < own.size(); ++j) {
-    double mean = 0, square = 0;
-    for (const Member* other : others) mean += outlier_figures(*other)(j) / n;
-    for (const Member* other : others) square += std::pow(outlier_figures(*other)(j) - mean, 2);
-    const double sd = std::sqrt(square / (n - 1) * (1 + 1 / n));
-    if (sd > 0) largest = std::max(largest, std::abs(own(j) - mean) / sd);
+  for (Index j = 0; j < own.value.size(); ++j) {
+    if (is_held(j, others)) continue;
+    double mean = 0, square = 0, error = own.error_variance(j);
+    for (const OutlierFigures& other : theirs) mean += other.value(j) / n;
+    for (const OutlierFigures& other : theirs) {
+      square += std::pow(other.value(j) - mean, 2);
+      error += other.error_variance(j) / (n * n);
+    }
+    const double sd = std::sqrt(std::max(square / (n - 1) * (1 + 1 / n), error));
+    if (sd > 0) largest = std::max(largest, std::abs(own.value(j) - mean) / sd);
   }
   return largest;
 }
@@ -119,7 +145,7 @@ void point_out_outliers(std::vector<Member>& members) {
     }
     const auto used = static_cast<double>(used_members(members).size());
     if (used <= kFewestReferenceValves) return;
-    const double figures = static_cast<double>(outlier_figures(*worst).size());
+    const double figures = static_cast<double>(outlier_figures(*worst).value.size());
     const boost::math::students_t student(used - 2);
     const double limit =
         boost::math::quantile(boost::math::complement(student, kOutlierSignificance / (2 * used * figures)));

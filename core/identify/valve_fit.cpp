@@ -215,6 +215,9 @@ Result<ValveFit> fit_valve(std::span<const Recording> recordings, const ValveFit
   make_monotone(best.v, fit.covariance, ValveFitProblem::kParameters, problem.knots());
   fit.parameters = to_parameters(best.v.head(ValveFitProblem::kParameters), options.reference_psi, options.usual);
   fit.vector = best.v;
+  for (std::size_t j = 0; j < fit.at_bound.size(); ++j) {
+    fit.at_bound[j] = problem.is_at_bound(best.v, static_cast<Index>(j));
+  }
   const VectorXd knots = best.v.segment(ValveFitProblem::kParameters, problem.knots());
   fit.map = {options.knots, std::vector<double>(knots.data(), knots.data() + knots.size())};
 

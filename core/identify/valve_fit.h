@@ -98,7 +98,8 @@ struct ValveFit {
   Eigen::MatrixXd covariance;                  ///< p × p over [parameters | knot outputs], from the measured noise
   std::vector<std::vector<double>> simulated;  ///< free run on each recording's grid, from its estimated initial state
   double rmse = 0;                             ///< over all valid samples [psi]
-  Eigen::VectorXd vector;                      ///< everything fitted, in the order of ValveFitProblem
+  std::array<bool, kValveParameters.size()> at_bound{};  ///< which parameters end where their bounds hold them
+  Eigen::VectorXd vector;                                ///< everything fitted, in the order of ValveFitProblem
   FitTermination termination = FitTermination::kConverged;
   int iterations = 0;
 };

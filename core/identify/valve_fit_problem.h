@@ -44,6 +44,11 @@ class ValveFitProblem {
 
   /// The vector inside its bounds.
   Eigen::VectorXd clamped(Eigen::VectorXd v) const;
+  /// Whether a parameter of the valve lies at one of its bounds, within a step of the differences.
+  bool is_at_bound(const Eigen::VectorXd& v, Eigen::Index parameter) const {
+    const double step = step_(parameter);
+    return v(parameter) < lower_(parameter) + step || v(parameter) > upper_(parameter) - step;
+  }
   /// Parameters as given, knots by averaging the outputs seen at each input, starts at rest, laws at their start.
   Eigen::VectorXd start_vector(const ValveParameters& parameters) const;
   /// Parameters of one law as one recording sees them.

@@ -110,6 +110,23 @@ TEST(LearnReference, KeepsEveryValveOfAGoodPopulation) {
   for (const unsigned seed : {5u, 6u, 7u}) EXPECT_EQ(learn_reference(population(6, seed), "type-1")->valves, 6) << seed;
 }
 
+TEST(LearnReference, KeepsEveryValveWhereTheSamplingHoldsAParameterOfMost) {
+  // Spools at a ringing faster than samples 5 ms apart show: their frequency ends at its bound, 2 over a period, but
+  // for one that is just slow enough to be seen.
+  std::vector<ValveRecordings> valves;
+  for (unsigned i = 0; i < 8; ++i) {
+    test::MadeValve valve;
+    valve.parameters.spool.natural_frequency_rad_s = i == 2 ? 330 : 900;
+    valve.parameters.spool.damping_ratio = 0.7;
+    valve.parameters.volume.time_constant_s *= 1 + 0.01 * i;
+    valves.push_back({"V" + std::to_string(i), test::session(valve, kNoise_psi, 300 + 10 * i)});
+  }
+  const auto reference = learn_reference(valves, "type-1");
+  ASSERT_TRUE(reference);
+  EXPECT_EQ(reference->valves, 8);
+  for (const ReferenceMember& member : reference->members) EXPECT_LT(member.distance, 20) << member.serial;
+}
+
 TEST(LearnReference, FindsTheShapeOfTheLoopThatGoodValvesShare) {
   std::vector<ValveRecordings> valves;
   for (unsigned i = 0; i < 3; ++i) {
