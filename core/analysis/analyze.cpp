@@ -23,7 +23,6 @@
 namespace valvetriage {
 namespace {
 
-constexpr double kLevelTolerance_a = 0.02;
 // Default window where neither a reference nor a rule base brings one.
 constexpr double kSelfWindowRate_hz = 200.0;
 constexpr double kSelfWindowDuration_s = 2.0;
@@ -238,8 +237,8 @@ Eq20Window window_for(const Baseline& baseline, const AnalysisOptions& options) 
 /// Several steps to one level become one figure: errors as root mean square, the others as means.
 class LevelAverage {
  public:
-  explicit LevelAverage(double level) : level_(level) {}
-  bool is_at(double level) const { return std::abs(level - level_) < kLevelTolerance_a; }
+  LevelAverage(double level, double scale) : level_(rounded_level(level, scale)), scale_(scale) {}
+  bool is_at(double level) const { return is_same_level(level, level_, scale_); }
 
   void add(const LevelFigures& step) {
     const auto square = [](std::optional<double> v) { return v ? std::optional(*v * *v) : v; };
@@ -265,7 +264,7 @@ class LevelAverage {
     }
     std::optional<double> mean() const { return n > 0 ? std::optional(sum / n) : std::nullopt; }
   };
-  double level_;
+  double level_, scale_;
   Mean error_, own_, settling_, rise_;
 };
 
@@ -273,9 +272,20 @@ bool outside(const Baseline& baseline, double level) {
   return baseline.reference && outside_reference(*baseline.reference, level);
 }
 
+/// Of the currents that tell one level from another: the reference's, without one that of the largest current. A step
+/// test alone need not move a valve over the range that it has.
+double current_scale_of(std::span<const Recording> recordings, const Baseline& baseline) {
+  if (baseline.reference) return usual_mechanisms(baseline.reference->model).current_scale;
+  if (!all_in_valve_units(recordings)) return 1;
+  InputSpan span{.low_a = 0, .high_a = 0};
+  span.widen(recordings);
+  return span.high_a > span.low_a ? span.current_scale() : 1;
+}
+
 std::vector<LevelFigures> figures_by_level(std::span<const Recording> recordings, const FreeRuns& runs,
                                            const Baseline& baseline, const Eq20Window& window) {
   std::vector<LevelAverage> levels;
+  const double scale = current_scale_of(recordings, baseline);
   for (std::size_t r = 0; r < recordings.size(); ++r) {
     const Recording& recording = recordings[r];
     const auto steps = rising_steps(recording, r);
@@ -291,7 +301,7 @@ std::vector<LevelFigures> figures_by_level(std::span<const Recording> recordings
       }
       figures.rise_time_s = measured_rise_time_s(recording, step, window, noise);
       auto known = std::find_if(levels.begin(), levels.end(), [&](const auto& l) { return l.is_at(step.level); });
-      if (known == levels.end()) known = levels.emplace(levels.end(), std::round(step.level * 100) / 100);
+      if (known == levels.end()) known = levels.emplace(levels.end(), step.level, scale);
       known->add(figures);
     }
   }

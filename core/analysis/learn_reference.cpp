@@ -31,7 +31,6 @@ constexpr double kOutlierSignificance = 1e-3;
 // Default Eq 20 window: what every step of the population covers, but no more than a slow valve needs to settle.
 constexpr double kLongestWindow_s = 2.0;
 constexpr double kHighestWindowRate_hz = 200.0;
-constexpr double kLevelTolerance_a = 0.02;
 
 struct Member {
   const ValveRecordings* valve = nullptr;
@@ -163,14 +162,15 @@ double whole_delay_s(const VectorXd& vector) {
 /// which the parts vary independently lets the whole vary by as much as what one fit cannot tell, one in which the
 /// whole does ties parts together that have nothing to do with each other: whichever predicts each valve better from
 /// the others is taken. The change of coordinates keeps volumes, so their likelihoods compare.
-MatrixXd covariance_of(const std::vector<const Member*>& members, const std::vector<double>& knots) {
+MatrixXd covariance_of(const std::vector<const Member*>& members, const ValveFitOptions& options) {
   MatrixXd vectors(members.front()->vector.size(), static_cast<Index>(members.size()));
   MatrixXd errors = MatrixXd::Zero(vectors.rows(), vectors.rows());
   for (std::size_t i = 0; i < members.size(); ++i) {
     vectors.col(static_cast<Index>(i)) = members[i]->vector;
     errors += members[i]->fit.covariance / static_cast<double>(members.size());
   }
-  PopulationCovariance by_parts = population_covariance(vectors, errors, kParameters, knots);
+  const double scale = options.usual.current_scale;
+  PopulationCovariance by_parts = population_covariance(vectors, errors, kParameters, options.knots, scale);
 
   double of_spool_s = 0;
   for (Index i = 0; i < vectors.cols(); ++i) {
@@ -182,7 +182,7 @@ MatrixXd covariance_of(const std::vector<const Member*>& members, const std::vec
   to_whole(kDelay, kDamping) = of_spool_s;
   to_whole(kDelay, kFrequency) = -of_spool_s;
   const PopulationCovariance by_whole =
-      population_covariance(vectors, to_whole * errors * to_whole.transpose(), kParameters, knots);
+      population_covariance(vectors, to_whole * errors * to_whole.transpose(), kParameters, options.knots, scale);
   if (!(by_whole.log_likelihood > by_parts.log_likelihood)) return by_parts.covariance;
   MatrixXd to_parts = MatrixXd::Identity(vectors.rows(), vectors.rows());
   to_parts(kDelay, kDamping) = -of_spool_s;
@@ -230,11 +230,11 @@ struct LevelSums {
   Running error, settling, rise;
 };
 
-LevelSums& sums_at(std::vector<LevelSums>& all, double level) {
+LevelSums& sums_at(std::vector<LevelSums>& all, double level, double current_scale) {
   for (LevelSums& sums : all) {
-    if (std::abs(sums.level_a - level) < kLevelTolerance_a) return sums;
+    if (is_same_level(sums.level_a, level, current_scale)) return sums;
   }
-  all.push_back({.level_a = std::round(level * 100) / 100});
+  all.push_back({.level_a = rounded_level(level, current_scale)});
   return all.back();
 }
 
@@ -252,7 +252,7 @@ Result<std::vector<LevelPopulation>> level_populations(const std::vector<Member>
       if (!simulated) return tl::unexpected(simulated.error());
       const double noise = noise_floor(recording).rms;
       for (const StepWindow& step : steps) {
-        LevelSums& sums = sums_at(all, step.level);
+        LevelSums& sums = sums_at(all, step.level, options.usual.current_scale);
         if (const auto error = error_eq20(recording, *simulated, step, window)) sums.error.add(*error);
         if (const auto settling = settling_error(recording, *simulated, step, window)) sums.settling.add(*settling);
         if (const auto rise = measured_rise_time_s(recording, step, window, noise)) sums.rise.add(*rise);
@@ -275,7 +275,7 @@ Result<void> survey_members(const std::vector<Member>& members, ValveFitOptions 
   for (const Member* member : used) {
     const auto others = used_members(members, member);
     const VectorXd mean = mean_of(others);
-    options.prior = population_prior(mean, covariance_of(others, options.knots), static_cast<double>(others.size()));
+    options.prior = population_prior(mean, covariance_of(others, options), static_cast<double>(others.size()));
     options.start.reset();
     const auto fit = fit_valve(member->valve->recordings, options);
     if (!fit) return tl::unexpected(fit.error());
@@ -337,20 +337,14 @@ void describe_recordings(const std::vector<const Member*>& members, Reference& r
 /// Knots that cover every valve, and one pressure at which all time constants are quoted.
 Result<ValveFitOptions> common_options(std::span<const ValveRecordings> valves) {
   ValveFitOptions options;
+  InputSpan span;
   for (const ValveRecordings& valve : valves) {
-    auto knots = map_knots(valve.recordings);
-    if (!knots) return tl::unexpected(knots.error());
-    if (options.knots.empty()) options.knots = *knots;
-    if (knots->front() < options.knots.front()) {
-      const auto beyond = std::lower_bound(knots->begin(), knots->end(), options.knots.front());
-      options.knots.insert(options.knots.begin(), knots->begin(), beyond);
-    }
-    if (knots->back() > options.knots.back()) {
-      const auto beyond = std::upper_bound(knots->begin(), knots->end(), options.knots.back());
-      options.knots.insert(options.knots.end(), beyond, knots->end());
-    }
+    if (const auto own = map_knots(valve.recordings); !own) return tl::unexpected(own.error());
+    span.widen(valve.recordings);
     options.reference_psi += reference_pressure(valve.recordings) / static_cast<double>(valves.size());
   }
+  options.knots = *map_knots(span);
+  options.usual.current_scale = span.current_scale();
   return options;
 }
 
@@ -373,7 +367,7 @@ Result<Reference> learn_with(const std::vector<Member>& members, const std::stri
                              const ValveFitOptions& options) {
   const auto used = used_members(members);
   const VectorXd mean = mean_of(used);
-  const MatrixXd covariance = covariance_of(used, options.knots);
+  const MatrixXd covariance = covariance_of(used, options);
 
   Reference reference;
   reference.valve_type = valve_type;

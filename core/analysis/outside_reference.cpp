@@ -46,10 +46,15 @@ std::string inputs_of(const Reference& reference) {
   return fmt::format("the reference's inputs of {:.3g} to {:.3g} A", reference.input_min, reference.input_max);
 }
 
+double margin_a(const Reference& reference) {
+  return reference.model.loop ? kMargin_a * reference.model.loop->reach : kMargin_a;
+}
+
 }  // namespace
 
 bool outside_reference(const Reference& reference, double input_a) {
-  return input_a < reference.input_min - kMargin_a || input_a > reference.input_max + kMargin_a;
+  const double margin = margin_a(reference);
+  return input_a < reference.input_min - margin || input_a > reference.input_max + margin;
 }
 
 std::vector<QualityPlace> outside_reference_places(const Recording& recording, const Reference& reference) {

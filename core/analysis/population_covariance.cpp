@@ -13,7 +13,8 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// Over which a map's local shifts are alike: no less than knots can show, no more than makes one shift of all.
+// Over which a map's local shifts are alike in valves that are played over 1 A or more: no less than knots can show, no
+// more than makes one shift of all.
 constexpr double kShortest_a = 0.05, kTypical_a = 0.15, kLongest_a = 1;
 // A parameter that happens to agree between a few valves is not known exactly: a thousandth of itself at least.
 constexpr double kLeastSpread = 1e-3;
@@ -54,11 +55,11 @@ double log_likelihood(const MatrixXd& covariance, const MatrixXd& deviations) {
 }
 
 /// Sizes by maximum likelihood, a coordinate at a time on a finer and finer logarithmic grid.
-Sizes fit_sizes(const MeanMap& map, const MatrixXd& errors, const MatrixXd& deviations) {
+Sizes fit_sizes(const MeanMap& map, const MatrixXd& errors, const MatrixXd& deviations, double scale) {
   const double typical = std::sqrt(deviations.squaredNorm() / static_cast<double>(deviations.size()));
   const double steep = std::max(map.slope.cwiseAbs().maxCoeff(), 1e-9);
   const double high = std::max(map.output.cwiseAbs().maxCoeff(), 1e-9);
-  Sizes size{typical / steep, typical / steep, typical / high, 0.3 * typical, 0.3 * typical, kTypical_a};
+  Sizes size{typical / steep, typical / steep, typical / high, 0.3 * typical, 0.3 * typical, kTypical_a * scale};
   size[kOwn] = std::max(size[kOwn], kLeastKnotSpread_psi);
   double best = log_likelihood(map_covariance(map, size) + errors, deviations);
   for (const double factor : {3.0, 3.0, 1.7, 1.7, 1.3, 1.3, 1.1}) {
@@ -68,7 +69,7 @@ Sizes fit_sizes(const MeanMap& map, const MatrixXd& errors, const MatrixXd& devi
           Sizes tried = size;
           tried[static_cast<std::size_t>(part)] *= by;
           tried[kOwn] = std::max(tried[kOwn], kLeastKnotSpread_psi);
-          tried[kLength] = std::clamp(tried[kLength], kShortest_a, kLongest_a);
+          tried[kLength] = std::clamp(tried[kLength], kShortest_a * scale, kLongest_a * scale);
           const double likelihood = log_likelihood(map_covariance(map, tried) + errors, deviations);
           if (!(likelihood > best + 1e-9)) break;
           best = likelihood;
@@ -96,7 +97,7 @@ Sample sample_of(const MatrixXd& vectors) {
 }
 
 MatrixXd target_covariance(const Sample& sample, const MatrixXd& errors, Index parameters,
-                           const std::vector<double>& knots) {
+                           const std::vector<double>& knots, double scale) {
   const Index p = sample.mean.size(), count = p - parameters;
   MatrixXd target = MatrixXd::Zero(p, p);
   const double n = static_cast<double>(sample.deviations.cols());
@@ -114,7 +115,7 @@ MatrixXd target_covariance(const Sample& sample, const MatrixXd& errors, Index p
   }
   const MatrixXd deviations = sample.deviations.bottomRows(count) * std::sqrt(n / (n - 1));
   target.bottomRightCorner(count, count) =
-      map_covariance(map, fit_sizes(map, errors.bottomRightCorner(count, count), deviations));
+      map_covariance(map, fit_sizes(map, errors.bottomRightCorner(count, count), deviations, scale));
   return target;
 }
 
@@ -145,9 +146,9 @@ LeaveOneOut leave_one_out(const MatrixXd& vectors, const MatrixXd& target, const
 }  // namespace
 
 PopulationCovariance population_covariance(const MatrixXd& vectors, const MatrixXd& errors, Index parameters,
-                                           const std::vector<double>& knots) {
+                                           const std::vector<double>& knots, double scale) {
   const Sample sample = sample_of(vectors);
-  const MatrixXd target = target_covariance(sample, errors, parameters, knots);
+  const MatrixXd target = target_covariance(sample, errors, parameters, knots, scale);
   double best_shrinkage = 1;
   LeaveOneOut best = leave_one_out(vectors, target, errors, 1);
   for (const double shrinkage : {0.9, 0.7, 0.5, 0.3, 0.15}) {

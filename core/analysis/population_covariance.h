@@ -10,22 +10,24 @@ namespace valvetriage {
 ///   C = s² [ (1 − λ) S + λ T ]
 ///
 /// S is the sample covariance. T knows what differs between valves: parameters independently, each with its own
-/// variance; maps as a Gaussian process with a common shift along the input, local shifts over a tenth of an ampere, a
-/// gain, an offset and a part of each knot's own, their sizes by maximum likelihood. λ is what predicts each valve best
-/// from the others (leave-one-out likelihood); s² ≥ 1 makes the mean squared distance of a left-out valve what it
-/// claims to be. A covariance ten times too tight would accuse good valves, one ten times too loose would miss faults.
+/// variance; maps as a Gaussian process with a common shift along the input, local shifts over a tenth of an ampere
+/// (times `scale`), a gain, an offset and a part of each knot's own, their sizes by maximum likelihood. λ is what
+/// predicts each valve best from the others (leave-one-out likelihood); s² ≥ 1 makes the mean squared distance of a
+/// left-out valve what it claims to be. A covariance ten times too tight would accuse good valves, one ten times too
+/// loose would miss faults.
 ///
 /// vectors     one column per valve, p rows, at least 2: estimates
 /// errors      p × p, covariance of their errors, the mean over the valves; what T does not have to explain. S has them
 ///             in it
 /// parameters  how many of the rows stand before the knots
 /// knots       inputs of the knots, p − parameters, evenly spaced [A]
+/// scale       of these valves' currents, as UsualMechanisms::current_scale
 /// Source      shrinkage: Ledoit, Wolf, J. Multivariate Analysis 88 (2004) 365
 struct PopulationCovariance {
   Eigen::MatrixXd covariance;
   double log_likelihood = 0;  ///< of each valve from the others, up to a constant
 };
 PopulationCovariance population_covariance(const Eigen::MatrixXd& vectors, const Eigen::MatrixXd& errors,
-                                           Eigen::Index parameters, const std::vector<double>& knots);
+                                           Eigen::Index parameters, const std::vector<double>& knots, double scale = 1);
 
 }  // namespace valvetriage

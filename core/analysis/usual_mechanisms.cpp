@@ -36,9 +36,12 @@ VectorXd vector_of(const UsualMechanisms& usual) {
   return u;
 }
 
-UsualMechanisms usual_of(const VectorXd& u) {
+UsualMechanisms usual_of(const VectorXd& u, double current_scale) {
   const double last = 1 - u(kSecondShare) - u(kThirdShare);
-  return {.gauge_lag_s = u(kGauge), .air_share = u(kAir), .loop_shares = {0, u(kSecondShare), u(kThirdShare), last}};
+  return {.gauge_lag_s = u(kGauge),
+          .air_share = u(kAir),
+          .loop_shares = {0, u(kSecondShare), u(kThirdShare), last},
+          .current_scale = current_scale};
 }
 
 constexpr std::array<Index, 2> kShares{kSecondShare, kThirdShare};
@@ -103,7 +106,7 @@ class Learner {
 
   ValveFitOptions with(const VectorXd& shared) const {
     ValveFitOptions options = options_;
-    options.usual = usual_of(shared);
+    options.usual = usual_of(shared, options_.usual.current_scale);
     return options;
   }
 
@@ -190,7 +193,7 @@ Result<UsualMechanisms> learn_usual_mechanisms(std::span<const ValveRecordings> 
     setting = std::move(with);
     free = std::move(tried);
   }
-  return usual_of(setting.shared);
+  return usual_of(setting.shared, options.usual.current_scale);
 }
 
 }  // namespace valvetriage

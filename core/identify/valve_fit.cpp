@@ -18,6 +18,8 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr double kKnotSpacing_a = 0.025;
+// Constants in A are those of valves that are played over this much or more; smaller ones are alike in shares of it.
+constexpr double kFullSpan_a = 1.0;
 constexpr double kBeyondEnd = 0.25;  // of a spacing
 
 constexpr double kFirstDamping = 1e-3;
@@ -33,8 +35,8 @@ std::vector<ValveParameters> starting_points(const ValveFitOptions& options, std
   for (const double samples : {4.0, 12.0, 40.0}) {
     ValveParameters start;
     start.spool = {.delay_s = period, .natural_frequency_rad_s = 4.0 / (samples * period), .damping_ratio = 1.0};
-    start.loop_width_a = 0.002;
-    start.narrow_loop_width_a = 0.001;
+    start.loop_width_a = 0.002 * options.usual.current_scale;
+    start.narrow_loop_width_a = 0.001 * options.usual.current_scale;
     start.volume = {.time_constant_s = samples * period, .exponent = 0.6, .supply_psi = 5 * options.reference_psi};
     fan.push_back(start);
   }
@@ -173,22 +175,34 @@ ValveParameters to_parameters(const VectorXd& v, double reference_psi, const Usu
           .narrow_loop_width_a = v(7)};
 }
 
-Result<std::vector<double>> map_knots(std::span<const Recording> recordings) {
-  double low = std::numeric_limits<double>::infinity();
-  double high = -low;
+void InputSpan::widen(std::span<const Recording> recordings) {
   for (const Recording& recording : recordings) {
     const auto [least, most] = std::minmax_element(recording.input.values.begin(), recording.input.values.end());
-    low = std::min(low, *least);
-    high = std::max(high, *most);
+    low_a = std::min(low_a, *least);
+    high_a = std::max(high_a, *most);
   }
-  if (!(high > low)) {
+}
+
+double InputSpan::current_scale() const {
+  return std::min(1.0, (high_a - low_a) / kFullSpan_a);
+}
+
+Result<std::vector<double>> map_knots(std::span<const Recording> recordings) {
+  InputSpan span;
+  span.widen(recordings);
+  return map_knots(span);
+}
+
+Result<std::vector<double>> map_knots(const InputSpan& span) {
+  if (!(span.high_a > span.low_a)) {
     return fail("constant_input", "the input of these recordings never changes, so no map can be learned");
   }
+  const double spacing = kKnotSpacing_a * span.current_scale();
   // A knot that only noise and undershoot come near is not measured; the last piece reaches a little beyond its end.
-  const auto first = std::llround(std::floor(low / kKnotSpacing_a + kBeyondEnd));
-  const auto last = std::max(first + 1, std::llround(std::ceil(high / kKnotSpacing_a - kBeyondEnd)));
+  const auto first = std::llround(std::floor(span.low_a / spacing + kBeyondEnd));
+  const auto last = std::max(first + 1, std::llround(std::ceil(span.high_a / spacing - kBeyondEnd)));
   std::vector<double> knots;
-  for (auto k = first; k <= last; ++k) knots.push_back(static_cast<double>(k) * kKnotSpacing_a);
+  for (auto k = first; k <= last; ++k) knots.push_back(static_cast<double>(k) * spacing);
   return knots;
 }
 
@@ -235,6 +249,7 @@ Result<ValveFit> fit_valve(std::span<const Recording> recordings, const ValveFit
 MagneticLoop loop_of(const ValveParameters& parameters, const UsualMechanisms& usual, double memory) {
   const double narrow = parameters.narrow_loop_width_a, wide = parameters.loop_width_a;
   MagneticLoop loop{.width_a = narrow + wide, .memory = memory};
+  loop.reach = usual.current_scale;
   if (!(loop.width_a > 0)) return loop;
   loop.shares = usual.loop_shares;
   for (double& share : loop.shares) share *= wide / loop.width_a;
@@ -258,6 +273,7 @@ Model to_model(const ValveParameters& parameters, const StaticMap& map, const Us
 
 UsualMechanisms usual_mechanisms(const Model& model) {
   UsualMechanisms usual;
+  if (model.loop) usual.current_scale = model.loop->reach;
   if (model.loop && model.loop->shares[0] < 1) {
     const double wide = 1 - model.loop->shares[0];
     for (std::size_t k = 1; k < usual.loop_shares.size(); ++k) usual.loop_shares[k] = model.loop->shares[k] / wide;

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <limits>
 #include <optional>
 #include <span>
 #include <string_view>
@@ -56,6 +57,9 @@ struct UsualMechanisms {
   double air_share = 0;    ///< of the volume's capacity at the reference pressure, ≥ 0
   /// Shape of the magnetic loop: how its width is shared, without the narrowest, which is a parameter of each valve.
   MagneticLoop::Shares loop_shares{0, 1.0 / 3, 1.0 / 3, 1.0 / 3};
+  /// What the currents of these valves are to those of valves that move over 1 A or more, 0 < scale ≤ 1: the reach of
+  /// the loop and every constant of a fit that is told in A go with it.
+  double current_scale = 1;
 };
 
 /// To the vector's first entries, logarithms taken, and back. `reference_psi` is where the time constant holds.
@@ -80,9 +84,9 @@ struct LawInFit {
 };
 
 struct ValveFitOptions {
-  std::vector<double> knots;             ///< inputs of the map's knots, strictly increasing, 0.025 A apart or finer [A]
-  double reference_psi = 0;              ///< where the volume's time constant holds; one number per valve type [psi]
-  std::optional<ValvePrior> prior;       ///< the population; empty: physics' own wide preferences and a smooth map
+  std::vector<double> knots;        ///< inputs of the map's knots, strictly increasing, as `map_knots` has them [A]
+  double reference_psi = 0;         ///< where the volume's time constant holds; one number per valve type [psi]
+  std::optional<ValvePrior> prior;  ///< the population; empty: physics' own wide preferences and a smooth map
   std::optional<ValveParameters> start;  ///< instead of the fan of starting points
   std::vector<LawInFit> laws;            ///< fitted together with the valve
   UsualMechanisms usual;                 ///< part of every simulation
@@ -120,8 +124,20 @@ struct ValveFit {
 /// Cost    O(n · knots²) per iteration, blocks of rows, no allocation per sample; deterministic
 Result<ValveFit> fit_valve(std::span<const Recording> recordings, const ValveFitOptions& options);
 
-/// Knots 0.025 A apart that cover the inputs of the recordings. Errors: an input that never changes.
+/// From the least to the largest input of some recordings [A].
+struct InputSpan {
+  double low_a = std::numeric_limits<double>::infinity();
+  double high_a = -std::numeric_limits<double>::infinity();
+
+  void widen(std::span<const Recording> recordings);
+  /// min(1, width / 1 A), the `current_scale` of valves that are played over it.
+  double current_scale() const;
+};
+
+/// Knots that cover the inputs of the recordings, 0.025 A apart, a fortieth of the span where that is less than 1 A.
+/// Errors: an input that never changes.
 Result<std::vector<double>> map_knots(std::span<const Recording> recordings);
+Result<std::vector<double>> map_knots(const InputSpan& span);
 
 /// Half of the largest output of the recordings, where a volume's time constant is quoted [psi].
 double reference_pressure(std::span<const Recording> recordings);

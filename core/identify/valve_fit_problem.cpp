@@ -21,7 +21,8 @@ enum Start : Index { kSpoolRate, kSpoolPosition, kPressureGap, kMemory };
 
 // Physics' own preferences where no population is known.
 constexpr double kExponentMean = 0.6, kExponentSd = 0.25;
-// A good spool's friction is a few milliamperes: recordings without reversals do not tell it from the wide loop.
+// In A of valves that are played over 1 A or more; the others have shares of them (UsualMechanisms::current_scale). A
+// good spool's friction is a few milliamperes: recordings without reversals do not tell it from the wide loop.
 constexpr double kNarrowLoopSd_a = 0.01;
 constexpr double kSupplyOverReference = 5.0, kSupplyLogSd = 0.7;  // reference is half of the largest pressure
 // Second differences of the map over one knot are a few psi at most on a valve of 200 psi; ten of them are allowed.
@@ -124,14 +125,15 @@ void ValveFitProblem::set_bounds() {
   bound(kFrequency, std::log(4.0 / longest), std::log(2.0 / period), 1e-4);
   bound(kDamping, std::log(0.05), std::log(20.0), 1e-4);
   bound(kDelay, 0, 0.25 * longest, 1e-3 * period);
-  bound(kLoop, 0, 0.5 * range, 1e-6);
-  bound(kNarrowLoop, 0, 0.5 * range, 1e-6);
+  bound(kLoop, 0, 0.5 * range, 1e-6 * options_.usual.current_scale);
+  bound(kNarrowLoop, 0, 0.5 * range, 1e-6 * options_.usual.current_scale);
   bound(kTimeConstant, std::log(0.2 * period), std::log(longest), 1e-4);
   bound(kExponent, 0.2, 1.5, 1e-4);
   bound(kSupply, std::log(2.05 * reference), std::log(200 * reference), 1e-4);
 }
 
 void ValveFitProblem::set_preferences() {
+  spool_start_sd_a_ = kSpoolStartSd_a * options_.usual.current_scale;
   if (options_.prior) {
     mean_ = options_.prior->mean;
     precision_ = options_.prior->covariance.ldlt().solve(MatrixXd::Identity(baseline_size(), baseline_size()));
@@ -144,7 +146,7 @@ void ValveFitProblem::set_preferences() {
     precision_(j, j) = 1 / (sd * sd);
   };
   prefer(kExponent, kExponentMean, kExponentSd);
-  prefer(kNarrowLoop, 0, kNarrowLoopSd_a);
+  prefer(kNarrowLoop, 0, kNarrowLoopSd_a * options_.usual.current_scale);
   prefer(kSupply, std::log(kSupplyOverReference * options_.reference_psi), kSupplyLogSd);
   constexpr double kStencil[3] = {1, -2, 1};
   for (Index k = 1; k + 1 < knots_; ++k) {
@@ -526,9 +528,9 @@ double ValveFitProblem::penalty(const VectorXd& v) const {
   double sum = d.dot(precision_ * d);
   for (std::size_t r = 0; r < prepared_.size(); ++r) {
     const auto s = v.segment<kStarts>(own_at(r));
-    sum +=
-        (s(kSpoolRate) * s(kSpoolRate) + s(kSpoolPosition) * s(kSpoolPosition)) / (kSpoolStartSd_a * kSpoolStartSd_a) +
-        std::pow(s(kPressureGap) / kPressureStartSd_psi, 2) + std::pow(s(kMemory) / kMemorySd, 2);
+    sum += (s(kSpoolRate) * s(kSpoolRate) + s(kSpoolPosition) * s(kSpoolPosition)) /
+               (spool_start_sd_a_ * spool_start_sd_a_) +
+           std::pow(s(kPressureGap) / kPressureStartSd_psi, 2) + std::pow(s(kMemory) / kMemorySd, 2);
   }
   return sum;
 }
@@ -542,7 +544,8 @@ void ValveFitProblem::add_penalty(const VectorXd& v, Normal& normal) const {
   const Index shared_baseline = baseline_size();
   normal.a.topLeftCorner(shared_baseline, shared_baseline) += precision_;
   normal.b.head(shared_baseline) -= precision_ * (v.head(shared_baseline) - mean_);
-  const double weights[kStarts] = {1 / (kSpoolStartSd_a * kSpoolStartSd_a), 1 / (kSpoolStartSd_a * kSpoolStartSd_a),
+  const double weights[kStarts] = {1 / (spool_start_sd_a_ * spool_start_sd_a_),
+                                   1 / (spool_start_sd_a_ * spool_start_sd_a_),
                                    1 / (kPressureStartSd_psi * kPressureStartSd_psi), 1 / (kMemorySd * kMemorySd)};
   for (std::size_t r = 0; r < prepared_.size(); ++r) {
     for (Index s = 0; s < kStarts; ++s) {
@@ -826,7 +829,8 @@ ValveFitProblem::Rows ValveFitProblem::rows(const VectorXd& v, std::size_t recor
   }
   const Index own = own_at(recording);
   const double memory_step = 0.01 * width;
-  const double start_step[kStarts] = {1e-5 * width, 1e-5 * width, 1e-3 * width,
+  const double spool_step_a = 1e-5 * options_.usual.current_scale * width;
+  const double start_step[kStarts] = {spool_step_a, spool_step_a, 1e-3 * width,
                                       v(own + kMemory) > 0 ? -memory_step : memory_step};
   for (Index s = 0; s < kStarts; ++s) {
     moves.push_back({own + s, start_step[s]});

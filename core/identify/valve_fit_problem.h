@@ -190,6 +190,7 @@ class ValveFitProblem {
   KnotCurve curve_;
   Eigen::Index law_parameters_ = 0;
   Eigen::Index own_ = kStarts;
+  double spool_start_sd_a_ = 0;
   std::vector<Eigen::Index> law_at_, law_own_at_;  ///< first shared entry of each law; first own one behind own_at()
   std::size_t stride_ = 1;
   Eigen::VectorXd lower_, upper_, step_;

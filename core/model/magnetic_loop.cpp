@@ -29,10 +29,11 @@ std::vector<double> loop_driver(const IntervalSignal& input, double gate) {
 IntervalSignal MagneticLoop::apply(const IntervalSignal& input, std::span<const double> driver) const {
   IntervalSignal x = input;
   if (width_a == 0) return x;
+  const auto thresholds = thresholds_a();
   std::array<double, kThresholds_a.size()> stop{};
-  for (std::size_t k = 0; k < stop.size(); ++k) stop[k] = memory * kThresholds_a[k];
+  for (std::size_t k = 0; k < stop.size(); ++k) stop[k] = memory * thresholds[k];
   std::array<double, kThresholds_a.size()> slope{};
-  for (std::size_t k = 0; k < slope.size(); ++k) slope[k] = 0.5 * width_a * shares[k] / kThresholds_a[k];
+  for (std::size_t k = 0; k < slope.size(); ++k) slope[k] = 0.5 * width_a * shares[k] / thresholds[k];
   double previous = driver.empty() ? 0 : driver.front();
   const std::size_t n = input.start.size();
   double held_back = 0;
@@ -41,7 +42,7 @@ IntervalSignal MagneticLoop::apply(const IntervalSignal& input, std::span<const 
     previous = driver[i];
     held_back = 0;
     for (std::size_t k = 0; k < stop.size(); ++k) {
-      stop[k] = std::clamp(stop[k] + move, -kThresholds_a[k], kThresholds_a[k]);
+      stop[k] = std::clamp(stop[k] + move, -thresholds[k], thresholds[k]);
       held_back += slope[k] * stop[k];
     }
     x.start[i] -= held_back;

@@ -24,9 +24,17 @@ struct MagneticLoop {
   using Shares = std::array<double, kThresholds_a.size()>;
   static constexpr Shares kEqualShares{0.25, 0.25, 0.25, 0.25};
 
-  double width_a = 0;            ///< full width after 0.6 A one way, ≥ 0 [A]
+  double width_a = 0;            ///< full width after reach · 0.6 A one way, ≥ 0 [A]
   double memory = 0;             ///< state before the first sample: E_k = memory · r_k, −1 ≤ memory ≤ 1
   Shares shares = kEqualShares;  ///< of the width, ≥ 0, their sum is 1
+  double reach = 1;              ///< r_k = reach · kThresholds_a, > 0; less than 1 for a valve of small currents
+
+  /// r_k [A]
+  std::array<double, kThresholds_a.size()> thresholds_a() const {
+    std::array<double, kThresholds_a.size()> thresholds = kThresholds_a;
+    for (double& threshold : thresholds) threshold *= reach;
+    return thresholds;
+  }
 
   /// The force's input equivalent x between samples, steps held where the input is held.
   IntervalSignal apply(const IntervalSignal& input, std::span<const double> driver) const;

@@ -41,6 +41,18 @@ double median_of_five(std::span<const double> values, std::size_t centre) {
 
 }  // namespace
 
+bool is_same_level(double a, double b, double current_scale) {
+  constexpr double kTolerance_a = 0.02;
+  return std::abs(a - b) < kTolerance_a * current_scale;
+}
+
+double rounded_level(double level, double current_scale) {
+  // No farther from the level than half of what makes two levels one.
+  const double decades = std::max(0.0, std::ceil(-std::log10(current_scale) - 0.5));
+  const double per_unit = 100 * std::pow(10.0, decades);
+  return std::round(level * per_unit) / per_unit;
+}
+
 std::vector<StepWindow> rising_steps(const Recording& recording, std::size_t recording_index) {
   std::vector<StepWindow> steps;
   for (const Segment& segment : recording.segments) {

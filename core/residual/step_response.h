@@ -17,6 +17,13 @@ struct StepWindow {
   double level = 0;           ///< unit of the input
 };
 
+/// Whether the levels of two steps are one: less than 20 mA apart on valves that are played over 1 A or more, times the
+/// scale of smaller ones' currents.
+bool is_same_level(double a, double b, double current_scale);
+
+/// A level as it is called: to 10 mA, on valves of a third of an ampere or less to a tenth of that, and so on.
+double rounded_level(double level, double current_scale);
+
 /// Rising steps of one recording, in time order.
 std::vector<StepWindow> rising_steps(const Recording& recording, std::size_t recording_index);
 

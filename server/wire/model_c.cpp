@@ -535,7 +535,7 @@ Result<std::string> to_c(const Model& given, double sample_period_s) {
   const std::vector<double> direct(chain.direct.begin(), chain.direct.end());
   text += c_array("diagonal", chain.diagonal) + c_array("lower", chain.lower) + c_array("input_row", rows) +
           fmt::format("static const double direct[4] = {{{}}};\n", c_numbers(direct)) + c_array("at_rest", rest.x) +
-          c_array("loop_threshold", MagneticLoop::kThresholds_a) +
+          c_array("loop_threshold", model->loop.value_or(MagneticLoop{}).thresholds_a()) +
           c_array("loop_share", model->loop ? model->loop->shares : MagneticLoop::kEqualShares);
   if (is_valve) {
     text += fmt::format("#define KNOTS {}\n", model->map->input.size());

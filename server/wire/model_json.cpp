@@ -93,6 +93,10 @@ MagneticLoop loop_from_json(JsonFields fields) {
       std::copy(shares.begin(), shares.end(), loop.shares.begin());
     }
   }
+  if (fields.has("reach")) {
+    loop.reach = fields.number("reach");
+    if (fields.ok() && !(loop.reach > 0)) fields.refuse("reach", "out_of_range", "a loop's reach is positive");
+  }
   return loop;
 }
 
@@ -266,6 +270,7 @@ TransferFunction transfer_function_from_json(JsonFields fields) {
 Json to_json(const Model& model) {
   Json loop = nullptr, map = nullptr, volume = nullptr;
   if (model.loop) loop = Json{{"width_A", model.loop->width_a}, {"shares", model.loop->shares}};
+  if (model.loop && model.loop->reach != 1) loop["reach"] = model.loop->reach;
   if (model.volume) {
     volume = Json{{"time_constant_s", model.volume->time_constant_s},
                   {"exponent", model.volume->exponent},

@@ -81,6 +81,31 @@ TEST(Analyze, ASlowValveIsJudgedAgainstThePopulationAndNotAgainstItself) {
   EXPECT_GT(*level.error_eq20, 10 * *level.error_eq20_own);
 }
 
+TEST(Analyze, AValveOfSmallCurrentsIsToldWhatTheSameOneOfLargeCurrentsIs) {
+  const test::MadeValve valve = test::with_currents_times(0.1);
+  std::vector<ValveRecordings> good;
+  for (unsigned i = 0; i < 6; ++i) {
+    test::MadeValve member = valve;
+    member.scale *= 1 + 0.004 * (i - 2.5);
+    member.parameters.volume.time_constant_s *= 1 + 0.01 * (i - 2.5);
+    good.push_back({"GOOD-" + std::to_string(i), test::session(member, kNoise_psi, 100 * i)});
+  }
+  const auto learned = learn_reference(good, "type-1");
+  ASSERT_TRUE(learned);
+  const Analysis healthy = analysed(test::session(valve, kNoise_psi, 900), {.reference = *learned});
+  EXPECT_EQ(healthy.discrepancy->conclusion, Conclusion::kNone);
+  EXPECT_NEAR(healthy.simulation.rmse, kNoise_psi, 0.05 * kNoise_psi);
+  ASSERT_EQ(healthy.simulation.by_level.size(), 3u);
+  EXPECT_NEAR(healthy.simulation.by_level[0].level_a, 0.14, 1e-9);
+
+  test::MadeValve weak = valve;
+  weak.scale *= 0.85;
+  const Analysis found = analysed(test::session(weak, kNoise_psi, 900), {.reference = *learned});
+  ASSERT_EQ(found.discrepancy->causes.size(), 1u);
+  EXPECT_EQ(found.discrepancy->causes.front().cause, "gain_loss");
+  EXPECT_EQ(found.extended_model.value().loop->reach, learned->model.loop->reach);
+}
+
 TEST(Analyze, WhatTheStandDidIsNamedMeasuredAndTakenOffTheVerdict) {
   constexpr double kAmplitude_psi = 8, kFrequency_hz = 3.3;
   auto session = test::session({}, kNoise_psi, 900);

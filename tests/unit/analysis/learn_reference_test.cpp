@@ -12,12 +12,12 @@ namespace {
 constexpr double kNoise_psi = 0.35;
 
 /// Good valves with a spread of 5 % in the volume's time constant, 2 % in scale, 0.3 ms in delay.
-std::vector<ValveRecordings> population(int valves, unsigned seed) {
+std::vector<ValveRecordings> population(int valves, unsigned seed, double current = 1) {
   std::mt19937 random(seed);
   std::normal_distribution<double> normal;
   std::vector<ValveRecordings> good;
   for (int i = 0; i < valves; ++i) {
-    test::MadeValve valve;
+    test::MadeValve valve = test::with_currents_times(current);
     valve.parameters.volume.time_constant_s *= std::exp(0.05 * normal(random));
     valve.parameters.spool.delay_s += 0.0003 * normal(random);
     valve.scale *= std::exp(0.02 * normal(random));
@@ -125,6 +125,31 @@ TEST(LearnReference, KeepsEveryValveWhereTheSamplingHoldsAParameterOfMost) {
   ASSERT_TRUE(reference);
   EXPECT_EQ(reference->valves, 8);
   for (const ReferenceMember& member : reference->members) EXPECT_LT(member.distance, 20) << member.serial;
+}
+
+TEST(LearnReference, OfATenthOfTheCurrentsIsTheSameReference) {
+  const auto large = learn_reference(population(4, 5, 0.5), "type-1");
+  const auto small = learn_reference(population(4, 5, 0.05), "type-1");
+  ASSERT_TRUE(large && small);
+  EXPECT_EQ(small->valves, large->valves);
+  EXPECT_NEAR(10 * small->model.loop->reach, large->model.loop->reach, 1e-9);
+  ASSERT_EQ(small->map_sd.size(), large->map_sd.size());
+  // Both descents end where a step gains a ten-millionth of the cost: far inside the spread between valves.
+  const auto near = [](double value, double expected, double sd) { EXPECT_NEAR(value, expected, 0.02 * sd); };
+  for (std::size_t j = 0; j < large->parameters.size(); ++j) {
+    const PopulationParameter &there = large->parameters[j], &here = small->parameters[j];
+    const double unit = there.unit == "A" ? 10 : 1;
+    SCOPED_TRACE(there.name);
+    near(unit * here.mean, there.mean, there.sd);
+    EXPECT_NEAR(unit * here.sd / there.sd, 1, 0.05);
+  }
+  for (std::size_t k = 0; k < large->map_sd.size(); ++k) {
+    near(small->model.map->output[k], large->model.map->output[k], large->map_sd[k]);
+    EXPECT_NEAR(10 * small->model.map->input[k], large->model.map->input[k], 1e-9);
+  }
+  ASSERT_EQ(small->levels.size(), 3u);
+  EXPECT_NEAR(small->levels[0].level_a, 0.07, 1e-9);
+  EXPECT_NEAR(small->levels[0].rise_time_mean_s, large->levels[0].rise_time_mean_s, 1e-9);
 }
 
 TEST(LearnReference, FindsTheShapeOfTheLoopThatGoodValvesShare) {

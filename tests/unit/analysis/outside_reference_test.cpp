@@ -22,6 +22,13 @@ TEST(OutsideReference, BeginsBeyondTheReachOfTheEndKnots) {
   EXPECT_TRUE(outside_reference(kReference, 0.9));
 }
 
+TEST(OutsideReference, BeginsSoonerOnValvesOfSmallCurrents) {
+  Reference small{.input_min = 0.1, .input_max = 0.2};
+  small.model.loop = MagneticLoop{.reach = 0.1};
+  EXPECT_FALSE(outside_reference(small, 0.2012));
+  EXPECT_TRUE(outside_reference(small, 0.202));
+}
+
 TEST(OutsideReferencePlaces, AreStretchesThatNoiseDoesNotCutToPieces) {
   std::vector<double> inputs(100, 1.5);
   for (std::size_t i = 20; i < 40; ++i) inputs[i] = i == 30 ? 2.0 : 2.1;

@@ -125,6 +125,18 @@ TEST(MapKnots, CoverTheInputsAtAFortiethOfAnAmpere) {
   for (std::size_t i = 1; i < knots->size(); ++i) EXPECT_NEAR((*knots)[i] - (*knots)[i - 1], 0.025, 1e-9);
 }
 
+TEST(MapKnots, CoverASmallerSpanInAsManyPieces) {
+  const std::vector<Recording> half{test::triangle(test::with_currents_times(0.5), 0, 1)};
+  const std::vector<Recording> tiny{test::triangle(test::with_currents_times(0.005), 0, 1)};
+  const auto knots = map_knots(half), tiny_knots = map_knots(tiny);
+  ASSERT_TRUE(knots && tiny_knots);
+  EXPECT_NEAR(knots->front(), 0.5, 0.55 / 40);
+  EXPECT_NEAR(knots->back(), 1.05, 0.55 / 40);
+  EXPECT_NEAR(knots->size(), 41, 1);
+  ASSERT_EQ(tiny_knots->size(), knots->size());
+  for (std::size_t i = 0; i < knots->size(); ++i) EXPECT_NEAR(100 * (*tiny_knots)[i], (*knots)[i], 1e-9);
+}
+
 TEST(MapKnots, OfAnInputThatNeverChangesAreRefused) {
   Recording constant = test::triangle({}, 0, 1);
   std::fill(constant.input.values.begin(), constant.input.values.end(), 1.4);

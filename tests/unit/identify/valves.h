@@ -18,14 +18,24 @@ struct MadeValve {
       .loop_width_a = 0.0045,
       .volume = {.time_constant_s = 0.06, .exponent = 0.5, .supply_psi = 480, .reference_psi = 105},
       .narrow_loop_width_a = 0.0015};
-  double scale = 1;  ///< of the map
+  double scale = 1;    ///< of the map
+  double current = 1;  ///< of all currents, the loop's too: at 0.1 a valve of 100 to 220 mA
   UsualMechanisms usual;
 
   double map(double current_a) const {
-    const double x = std::clamp((current_a - 1.0) / 1.2, 0.0, 1.0);
+    const double x = std::clamp((current_a / current - 1.0) / 1.2, 0.0, 1.0);
     return scale * 220 * x * x * (3 - 2 * x);
   }
 };
+
+/// The same valve with another coil: everything that is told in A times `current`.
+inline MadeValve with_currents_times(double current, MadeValve valve = {}) {
+  valve.current *= current;
+  valve.parameters.loop_width_a *= current;
+  valve.parameters.narrow_loop_width_a *= current;
+  valve.usual.current_scale *= current;
+  return valve;
+}
 
 /// The pressure that the valve's equations give under an input.
 inline std::vector<double> pressure_of(const MadeValve& valve, const IntervalSignal& between_samples,
@@ -60,13 +70,15 @@ inline Recording played(const MadeValve& valve, TestKind test, const std::vector
   return recording;
 }
 
-inline Recording step_to(const MadeValve& valve, double level_a, double noise, unsigned seed) {
-  std::vector<double> current(1200, 1.0);
+/// level  of a valve of 1.0 to 2.2 A [A]
+inline Recording step_to(const MadeValve& valve, double level, double noise, unsigned seed) {
+  const double rest_a = 1.0 * valve.current, level_a = level * valve.current;
+  std::vector<double> current(1200, rest_a);
   std::fill(current.begin() + 200, current.begin() + 800, level_a);
   return played(valve, TestKind::kStep, current,
-                {{.kind = SegmentKind::kHold, .begin = 0, .end = 200, .level = 1.0},
-                 {.kind = SegmentKind::kStep, .begin = 200, .end = 800, .level = level_a, .from_level = 1.0},
-                 {.kind = SegmentKind::kStep, .begin = 800, .end = 1200, .level = 1.0, .from_level = level_a}},
+                {{.kind = SegmentKind::kHold, .begin = 0, .end = 200, .level = rest_a},
+                 {.kind = SegmentKind::kStep, .begin = 200, .end = 800, .level = level_a, .from_level = rest_a},
+                 {.kind = SegmentKind::kStep, .begin = 800, .end = 1200, .level = rest_a, .from_level = level_a}},
                 noise, seed);
 }
 
@@ -74,13 +86,13 @@ inline Recording triangle(const MadeValve& valve, double noise, unsigned seed) {
   std::vector<double> current(4000);
   for (std::size_t i = 0; i < current.size(); ++i) {
     const double x = static_cast<double>(i) / 2000.0;
-    current[i] = 1.0 + 1.1 * (x < 1 ? x : 2 - x);
+    current[i] = valve.current * (1.0 + 1.1 * (x < 1 ? x : 2 - x));
   }
   return played(valve, TestKind::kTriangle, current, {{.kind = SegmentKind::kRamp, .begin = 0, .end = 4000}}, noise,
                 seed);
 }
 
-/// A session: steps to 1.4, 1.6 and 1.8 A and a triangle.
+/// A session: steps to 1.4, 1.6 and 1.8 A (times the valve's currents) and a triangle.
 inline std::vector<Recording> session(const MadeValve& valve, double noise, unsigned seed) {
   return {step_to(valve, 1.4, noise, seed), step_to(valve, 1.6, noise, seed + 1), step_to(valve, 1.8, noise, seed + 2),
           triangle(valve, noise, seed + 3)};

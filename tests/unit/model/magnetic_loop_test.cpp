@@ -40,6 +40,12 @@ TEST(MagneticLoop, IsAsWideAsItsWidthOnTheMajorLoop) {
   EXPECT_NEAR(x[1500] - x[2500], 0.01, 1e-9);
 }
 
+TEST(MagneticLoop, OfATenthOfTheReachIsTheSameLoopOfATenthOfTheCurrents) {
+  const auto large = run({.width_a = 0.02, .memory = 0.3}, triangle(1, 2.4, 1000, 3));
+  const auto small = run({.width_a = 0.002, .memory = 0.3, .reach = 0.1}, triangle(0.1, 0.24, 1000, 3));
+  for (std::size_t i = 0; i < large.size(); ++i) ASSERT_NEAR(10 * small[i], large[i], 1e-9) << i;
+}
+
 TEST(MagneticLoop, DoesNotDependOnTheRate) {
   const auto slow = run({.width_a = 0.02}, triangle(1, 2, 1000, 2));
   const auto fast = run({.width_a = 0.02}, triangle(1, 2, 100, 2));

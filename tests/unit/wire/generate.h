@@ -83,6 +83,7 @@ inline Model model(bool with_map) {
   if (with_map) {
     m.map = static_map();
     m.loop = MagneticLoop{.width_a = positive()};
+    if (small(0, 1)) m.loop->reach = positive();
     const double reference = positive();
     m.volume = OrificeVolume{positive(), positive(), reference + positive(), reference};
   }

@@ -81,6 +81,13 @@ TEST(ModelC, AHealthyValveIsTheSimulation) {
   expect_same(valve());
 }
 
+TEST(ModelC, ALoopOfAnotherReachIsTheSimulation) {
+  Model model = valve();
+  model.loop->width_a = 0.05;
+  model.loop->reach = 0.4;
+  expect_same(model);
+}
+
 TEST(ModelC, ALinearMachineIsTheSimulation) {
   expect_same(machine());
   Model discrete;

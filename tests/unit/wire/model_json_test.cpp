@@ -129,6 +129,20 @@ TEST(ModelJson, AValveNeedsAMapThatOnlyRisesOrOnlyFalls) {
   EXPECT_EQ(refused(document).field, "/map/input");
 }
 
+TEST(ModelJson, TheReachOfALoopIsWrittenWhereItIsNotOne) {
+  Model model = generate::model(true);
+  model.loop = MagneticLoop{.width_a = 0.002, .reach = 0.18};
+  const Json written = to_json(model);
+  EXPECT_EQ(written["loop"]["reach"], 0.18);
+  EXPECT_EQ(model_from_json(written)->loop->reach, 0.18);
+  model.loop->reach = 1;
+  Json usual = to_json(model);
+  EXPECT_FALSE(usual["loop"].contains("reach"));
+  EXPECT_EQ(model_from_json(usual)->loop->reach, 1);
+  usual["loop"]["reach"] = 0;
+  EXPECT_EQ(refused(usual).field, "/loop/reach");
+}
+
 TEST(ModelJson, TheFirstThingWrongIsNamedByItsPointer) {
   Json document = linear_model();
   document["transfer_function"]["gain"] = "much";
