@@ -103,7 +103,7 @@ TEST(Analyze, AValveOfSmallCurrentsIsToldWhatTheSameOneOfLargeCurrentsIs) {
   const Analysis found = analysed(test::session(weak, kNoise_psi, 900), {.reference = *learned});
   ASSERT_EQ(found.discrepancy->causes.size(), 1u);
   EXPECT_EQ(found.discrepancy->causes.front().cause, "gain_loss");
-  EXPECT_EQ(found.extended_model.value().loop->reach, learned->model.loop->reach);
+  EXPECT_EQ(found.extended_model.loop->reach, learned->model.loop->reach);
 }
 
 TEST(Analyze, WhatTheStandDidIsNamedMeasuredAndTakenOffTheVerdict) {

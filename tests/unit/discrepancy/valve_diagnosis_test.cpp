@@ -309,7 +309,7 @@ TEST(ValveDiagnosis, ASpoolThatStopsIsASaturationAndNoDeadBand) {
   ASSERT_EQ(found.causes.size(), 1u);
   EXPECT_EQ(found.causes.front().cause, "saturation");
   EXPECT_NEAR(found.causes.front().parameters.at(0).second.value, 165, 0.5);
-  EXPECT_EQ(found.causes.front().parameters.at(2).second.value, 1);
+  EXPECT_EQ(found.causes.front().parameters.back().second.value, 1);
 }
 
 bool holds(const ParameterEstimate& estimate, double value) {

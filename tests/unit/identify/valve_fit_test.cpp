@@ -132,7 +132,7 @@ TEST(MapKnots, CoverASmallerSpanInAsManyPieces) {
   ASSERT_TRUE(knots && tiny_knots);
   EXPECT_NEAR(knots->front(), 0.5, 0.55 / 40);
   EXPECT_NEAR(knots->back(), 1.05, 0.55 / 40);
-  EXPECT_NEAR(knots->size(), 41, 1);
+  EXPECT_NEAR(static_cast<double>(knots->size()), 41, 1);
   ASSERT_EQ(tiny_knots->size(), knots->size());
   for (std::size_t i = 0; i < knots->size(); ++i) EXPECT_NEAR(100 * (*tiny_knots)[i], (*knots)[i], 1e-9);
 }
