@@ -302,6 +302,12 @@ double clearly_more(const Ranked& winner, const Ranked& rival) {
   return are_kin(winner, rival) ? kClearlyMoreInFamily : kClearlyMore;
 }
 
+/// Free runs that stick are rough, and a fit of them that is worse may not have found its best. Only play is sure to be
+/// better: it is where the search of friction has begun, at Coulomb's.
+bool is_never_out(const Ranked& rival, const Ranked& winner) {
+  return rival.sticks && !winner.sticks && winner.cause != "backlash";
+}
+
 /// Whether an explanation leaves nothing that good valves do not leave.
 bool leaves_the_usual(const LinearisedValve& linear, const ValveDiagnosisOptions& options) {
   return leftover_of(linear, options).p_value > kUsualLeftover;
@@ -365,7 +371,7 @@ void keep_margins(Contest& contest, WinnersFit& fit, const ValveDiagnosisOptions
       *std::find_if(ranked.begin(), ranked.end(), [&](const Ranked& r) { return r.cause == contest.cause; });
   const bool is_family_open = fit.leaves_memory();
   const auto is_out = [&](const Ranked& r) {
-    if (!is_told_apart(won, r, options)) return false;
+    if (is_never_out(r, won) || !is_told_apart(won, r, options)) return false;
     if (2 * (won.borne_out - r.borne_out) < kLeastEvidence) return false;
     const bool leaves_more = won.left + won.reduction - r.reduction > clearly_more(won, r) * won.left;
     return leaves_more || fit.leaves_the_usual();
@@ -410,7 +416,7 @@ double p_value_of_fitted_size(const Explanation& fitted, double size, const Expl
 /// A law fitted together with the valve, before it is compared. `error` is what the valve alone leaves at the rows.
 Ranked ranked_fit(const Tested& tested, const Explanation& beside, const Stack& error, const Explanation& fitted,
                   const Contest& contest, double laws, const ValveDiagnosisOptions& options) {
-  Ranked r{.cause = tested.cause(), .fitted_jointly = true};
+  Ranked r{.cause = tested.cause(), .fitted_jointly = true, .sticks = makes_stick(tested.fit.law, beside)};
   r.reduction = beside.cost - fitted.cost;
   r.left = fitted.cost - noise_cost(fitted);
   r.residual = residual_at_rows(fitted);
@@ -468,6 +474,7 @@ void enter(Contest& contest, const JointFits& joint, const LinearisedValve& line
   for (const Tested& tested : contest.survey.tested) {
     if (std::find(joint.racing.begin(), joint.racing.end(), &tested) != joint.racing.end()) continue;
     Ranked r{.cause = tested.cause(), .reduction = tested.fit.verified, .evidence = tested.evidence};
+    r.sticks = makes_stick(tested.fit.law, beside);
     r.log_likelihood = rank_of(tested, tested.fit.verified, options.causes, contest.inflation, contest.samples);
     r.p_value = tested.p_value;
     r.residual = tested.fit.residual;
@@ -552,6 +559,7 @@ double own_excess(const Mechanism& law, const VectorXd& v, const ValveFitOptions
 
 double lead_asked_for(const Ranked& winner, const Ranked& rival, bool leaves_usual, double more_left, double inflation,
                       const ValveDiagnosisOptions& options) {
+  if (is_never_out(rival, winner)) return std::numeric_limits<double>::infinity();
   const double told_apart = kLeastEvidence + scatter_between(winner, rival, options);
   if (leaves_usual) return told_apart;
   return std::max(told_apart, (clearly_more(winner, rival) - 1) * (winner.left + more_left) / inflation);

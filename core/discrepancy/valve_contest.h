@@ -46,6 +46,7 @@ struct Ranked {
   double left = 0;       ///< of the cost, above what noise alone makes; of joint fits
   double probability = 0;
   bool fitted_jointly = false;  ///< together with the valve
+  bool sticks = false;          ///< makes the spool stick that moves freely without it
   bool stands_out = false;      ///< from what good valves show, all laws searched, or with what it accounts for
 };
 
@@ -71,7 +72,8 @@ Contest hold_contest(const Explanation& beside, const ValveDiagnosisOptions& opt
 Contest held_again(const Contest& contest, const Explanation& beside, const Explanation& better,
                    const ValveDiagnosisOptions& options);
 
-/// Inflated noise variances by which a winner has to lead a rival that is as near as this one before it is out.
+/// Inflated noise variances by which a winner has to lead a rival that is as near as this one before it is out;
+/// infinite: no lead settles it.
 ///
 /// leaves_usual  whether the winner leaves nothing that good valves do not leave
 /// more_left     noise variances that it would leave in further recordings
