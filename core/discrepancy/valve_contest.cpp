@@ -308,6 +308,12 @@ bool is_never_out(const Ranked& rival, const Ranked& winner) {
   return rival.sticks && !winner.sticks && winner.cause != "backlash";
 }
 
+/// No friction at all is one that a fit of friction can always reach: what fits worse has not found its best, and is no
+/// reason to leave it out.
+bool has_lost_its_way(const Ranked& rival, const Ranked& winner) {
+  return rival.sticks && rival.fitted_jointly && !winner.sticks && rival.reduction < 0;
+}
+
 /// Whether an explanation leaves nothing that good valves do not leave.
 bool leaves_the_usual(const LinearisedValve& linear, const ValveDiagnosisOptions& options) {
   return leftover_of(linear, options).p_value > kUsualLeftover;
@@ -380,7 +386,7 @@ void keep_margins(Contest& contest, WinnersFit& fit, const ValveDiagnosisOptions
   for (Ranked& r : ranked) {
     const bool is_kin = are_kin(won, r);
     const bool is_near = r.reduction >= (is_kin ? kFamilyMargin : kMargin) * won.reduction;
-    const bool is_open = is_kin && is_family_open && r.fitted_jointly;
+    const bool is_open = is_kin && ((is_family_open && r.fitted_jointly) || has_lost_its_way(r, won));
     if (r.cause != won.cause && competes_with(won.cause, r) && (is_open || (is_near && !is_out(r)))) {
       r.probability = std::max(r.probability, kRivalShare);
     }
