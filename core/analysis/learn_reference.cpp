@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <boost/math/distributions/students_t.hpp>
 #include <cmath>
-#include <limits>
 #include <map>
 #include <set>
 
@@ -313,13 +312,10 @@ std::vector<PopulationParameter> describe(const VectorXd& mean, const MatrixXd& 
 void describe_recordings(const std::vector<const Member*>& members, Reference& reference) {
   std::vector<double> periods, noises;
   std::set<std::string> tests;
-  reference.input_min = std::numeric_limits<double>::infinity();
-  reference.input_max = -reference.input_min;
+  InputSpan span;
   for (const Member* member : members) {
+    span.widen(member->valve->recordings);
     for (const Recording& recording : member->valve->recordings) {
-      const auto [least, most] = std::minmax_element(recording.input.values.begin(), recording.input.values.end());
-      reference.input_min = std::min(reference.input_min, *least);
-      reference.input_max = std::max(reference.input_max, *most);
       periods.push_back(recording.sample_period_s);
       noises.push_back(noise_floor(recording).rms);
       tests.insert(to_string(recording.test));
@@ -329,6 +325,8 @@ void describe_recordings(const std::vector<const Member*>& members, Reference& r
     std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
     return values[values.size() / 2];
   };
+  reference.input_min = span.low_a;
+  reference.input_max = span.high_a;
   reference.sample_period_s = median(periods);
   reference.noise_floor = median(noises);
   reference.tests.assign(tests.begin(), tests.end());

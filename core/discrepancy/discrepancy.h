@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <map>
 #include <optional>
@@ -82,6 +83,13 @@ struct Discrepancy {
   std::vector<Candidate> candidates;
   DiscrepancyGain gain;
   std::optional<NextTest> next_test;
+
+  /// The finding that speaks of the recordings rather than of the valve; null where there is none.
+  const Finding* slip() const {
+    const auto found = std::find_if(findings.begin(), findings.end(),
+                                    [](const Finding& finding) { return finding.where == kStaticMap; });
+    return found == findings.end() ? nullptr : &*found;
+  }
 };
 
 }  // namespace valvetriage

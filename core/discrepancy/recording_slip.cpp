@@ -37,13 +37,11 @@ constexpr double kMostDeviation = 1400;
 VectorXd samples_at_knots(const Explanation& explanation) {
   const std::vector<double>& knots = explanation.options->knots;
   VectorXd count = VectorXd::Zero(static_cast<Index>(knots.size()));
-  const double spacing = (knots.back() - knots.front()) / static_cast<double>(knots.size() - 1);
   for (std::size_t r = 0; r < explanation.problem->recordings(); ++r) {
     const Recording& recording = explanation.problem->recording(r);
     for (std::size_t i = 0; i < recording.samples(); ++i) {
       if (!recording.is_valid(i)) continue;
-      const auto knot = static_cast<Index>(std::lround((recording.input.values[i] - knots.front()) / spacing));
-      count(std::clamp(knot, Index{0}, count.size() - 1)) += 1;
+      count(static_cast<Index>(nearest_knot(knots, recording.input.values[i]))) += 1;
     }
   }
   return count;

@@ -47,7 +47,6 @@ constexpr double kMostHarm = 0.01;
 constexpr double kOddsOfAFault = 1;
 // Of a name whose extension leaves too much: as likely as not.
 constexpr double kUnexplainedName = 0.5;
-constexpr double kTwoSided95 = 1.96;
 constexpr int kRefitSteps = 12;
 
 /// What a tone does in one recording.
@@ -423,7 +422,8 @@ void measure_each(const SearchedValve& searched, Discrepancy& discrepancy) {
 }
 
 /// Of each cause of a survey: odds that the valve has it at a size that these tests do not see. Its p-value is that of
-/// the fit together with the valve where there is one; the survey's is a forecast.
+/// the fit together with the valve where there is one; the survey's is a forecast. The tests ask for more than even
+/// odds before they take a valve for faulty: what is short of that is told as no more than even, all causes together.
 std::vector<double> odds_of_being_too_small(const Contest& contest) {
   const std::vector<Tested>& tested = contest.survey.tested;
   const double share = 1.0 / static_cast<double>(tested.size());
@@ -434,6 +434,8 @@ std::vector<double> odds_of_being_too_small(const Contest& contest) {
     const double p_value = entry != contest.entries.end() ? entry->p_value : law.p_value;
     odds.push_back(kOddsOfAFault * share * odds_at_unknown_size(p_value));
   }
+  const double of_any = std::accumulate(odds.begin(), odds.end(), 0.0);
+  for (double& of_one : odds) of_one /= std::max(of_any, 1.0);
   return odds;
 }
 
@@ -474,22 +476,19 @@ std::vector<Candidate> candidates_of(const Grounds& grounds, const Discrepancy& 
   const std::size_t laws = searched.explanation.laws.size();
   const std::vector<Ranked> unranked;
   const auto& ranked = laws == 0 ? searched.first.ranked : laws == 1 ? searched.places.front().ranked : unranked;
-  // Where nothing is found, how much of the doubt is whose: a fault too small for these tests is still one. They ask
-  // for more than even odds before they take a valve for faulty, and what is short of that is told as no more than
-  // even.
+  // Where nothing is found, how much of the doubt is whose: a fault too small for these tests is still one.
   const std::vector<double> odds = is_none ? odds_of_being_too_small(searched.first) : std::vector<double>{};
   const double odds_of_any = std::accumulate(odds.begin(), odds.end(), 0.0);
-  const double most_odds = odds_of_any > 1 ? 1 / odds_of_any : 1;
   std::vector<Candidate> candidates;
   candidates.push_back({.cause = "none",
-                        .probability = is_none ? 1 / (1 + most_odds * odds_of_any) : 0.0,
+                        .probability = is_none ? 1 / (1 + odds_of_any) : 0.0,
                         .rmse_heldout = discrepancy.gain.rmse_baseline,
                         .reason = is_none ? "nothing beyond what good valves leave"
                                           : "the simulation leaves more than any good valve would"});
   for (std::size_t i = 0; i < searched.first.survey.tested.size(); ++i) {
     const Tested& tested = searched.first.survey.tested[i];
     Candidate candidate{.cause = tested.cause(), .rmse_heldout = kUnknown};
-    if (is_none) candidate.probability = most_odds * odds[i] / (1 + most_odds * odds_of_any);
+    if (is_none) candidate.probability = odds[i] / (1 + odds_of_any);
     candidate.reason = fmt::format("evidence {:.1f} of {:.1f} promised, noise alone {:.1f}, in a good valve p {:.2g}",
                                    tested.evidence.value, tested.promise.value, tested.noise_reduction, tested.p_value);
     if (laws == 1 && candidate.cause == discrepancy.causes.front().cause) {

@@ -18,9 +18,6 @@ constexpr int kMostCauses = 3;
 // of it where free runs stick, which miss the instants of slips.
 constexpr double kIdealisationOfSlips = 3 * kIdealisation;
 
-// Standard errors that a size is from none by, or its 95 % interval has none in it.
-constexpr double kCertainly = 1.96;
-
 class Diagnosis {
  public:
   Diagnosis(std::span<const Recording> recordings, const ValveFit& baseline, const ValveDiagnosisOptions& options)
@@ -108,7 +105,7 @@ class Diagnosis {
       if (law.size_parameter >= law.parameters.size() || law.memory || !std::isfinite(law.neutral)) continue;
       const double from_none =
           explanation.problem->law_parameters(explanation.v, l, 0)[law.size_parameter] - law.neutral;
-      if (std::abs(from_none) >= kCertainly * errors[size]) continue;
+      if (std::abs(from_none) >= kTwoSided95 * errors[size]) continue;
       explanation = without(explanation, l, kRefitSteps);
       places_.erase(places_.begin() + static_cast<std::ptrdiff_t>(l));
       if (explanation.laws.size() == 1) places_.front() = first_place(explanation);

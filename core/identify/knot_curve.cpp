@@ -38,6 +38,12 @@ KnotCurve::Share share_in(std::size_t piece, double t, std::size_t knots) {
 
 }  // namespace
 
+std::size_t nearest_knot(const std::vector<double>& knots, double input) {
+  const double spacing = knots[1] - knots[0];
+  const auto last = static_cast<std::ptrdiff_t>(knots.size()) - 1;
+  return static_cast<std::size_t>(std::clamp<std::ptrdiff_t>(std::lround((input - knots[0]) / spacing), 0, last));
+}
+
 KnotCurve::KnotCurve(const std::vector<double>& knots) {
   const std::size_t pieces = (knots.size() - 1) * kPieces;
   const double spacing = (knots.back() - knots.front()) / static_cast<double>(pieces);

@@ -8,6 +8,9 @@
 
 namespace valvetriage {
 
+/// Index of the knot nearest to an input, of n ≥ 2 evenly spaced ones; the end ones beyond.
+std::size_t nearest_knot(const std::vector<double>& knots, double input);
+
 /// The smooth curve through a valve's map knots: cubic between them, its slope at a knot half the way of its neighbours
 /// (at an end that of the parabola through three). Linear in the outputs, each of which acts on four pieces. Source:
 /// Catmull, Rom, in Computer Aided Geometric Design (1974) 317.

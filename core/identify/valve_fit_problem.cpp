@@ -30,13 +30,6 @@ constexpr double kMapBend_psi = 30.0;
 // A recording that does not begin at rest is off by no more than this in its map's input and its pressure.
 constexpr double kSpoolStartSd_a = 0.05, kPressureStartSd_psi = 20.0, kMemorySd = 0.5;
 
-/// Index of the knot nearest to an input; the end ones beyond.
-Index nearest_knot(const std::vector<double>& knots, double input) {
-  const double spacing = knots[1] - knots[0];
-  const auto last = static_cast<Index>(knots.size()) - 1;
-  return std::clamp<Index>(std::lround((input - knots[0]) / spacing), 0, last);
-}
-
 /// A spool off its rest, and whatever lags it with it.
 SampledValveDynamics::State displaced_spool(const SampledValveDynamics& spool, double rate, double position) {
   SampledValveDynamics::State state = SampledValveDynamics::State::Constant(spool.order(), position);
@@ -202,7 +195,7 @@ VectorXd ValveFitProblem::start_vector(const ValveParameters& parameters) const 
   for (const Prepared& p : prepared_) {
     for (std::size_t i = 0; i < p.recording->samples(); ++i) {
       if (!p.recording->is_valid(i)) continue;
-      const Index nearest = nearest_knot(options_.knots, p.input.start[2 * i]);
+      const auto nearest = static_cast<Index>(nearest_knot(options_.knots, p.input.start[2 * i]));
       a(nearest, nearest) += 1;
       b(nearest) += p.recording->output.values[i];
     }
@@ -313,7 +306,7 @@ LawContext ValveFitProblem::context(const VectorXd& v, std::size_t recording, Pl
 ValveFitProblem::Blocks ValveFitProblem::blocks_of(const VectorXd& v, std::size_t recording, std::size_t laws) const {
   Blocks blocks{.valve = to_parameters(v.head(kParameters), options_.reference_psi, options_.usual)};
   blocks.valve.volume.highest_psi = v(kParameters + knots_ - 1);
-  blocks.friction.middle_a = 0.5 * (options_.knots.front() + options_.knots.back());
+  blocks.friction.growth.middle_a = 0.5 * (options_.knots.front() + options_.knots.back());
   for (std::size_t l = 0; l < laws; ++l) {
     const LawInFit& law = options_.laws[l];
     if (!law.law->reshape || !acts(law, recording)) continue;

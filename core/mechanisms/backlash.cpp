@@ -37,8 +37,8 @@ MechanismBounds bounds(const MechanismScales& scales) {
 
 void apply(std::span<const double> parameters, const LawContext& context, std::span<double> x) {
   if (x.empty()) return;
-  const SpoolFriction width{.growth_per_a = parameters[kGrowth], .middle_a = context.input_middle};
-  const auto half_at = [&](double at) { return 0.5 * parameters[kWidth] * width.share_at(at); };
+  const GrowthAlongInput growth{parameters[kGrowth], context.input_middle};
+  const auto half_at = [&](double at) { return 0.5 * parameters[kWidth] * growth.share_at(at); };
   const std::span<const double> driver = context.driver.empty() ? x : context.driver;
   double z = driver[0] + (parameters.size() > kMemory ? parameters[kMemory] * half_at(driver[0]) : 0);
   for (std::size_t i = 0; i < x.size(); ++i) {

@@ -54,7 +54,7 @@ void reshape(std::span<const double> parameters, ValveBlocks blocks) {
   blocks.friction.breakaway_a += parameters[kBreakaway];
   blocks.friction.kinetic_a += std::min(parameters[kKinetic], parameters[kBreakaway]);
   blocks.friction.stribeck_a_per_s = parameters[kStribeck];
-  blocks.friction.growth_per_a = parameters[kGrowth];
+  blocks.friction.growth.per_a = parameters[kGrowth];
 }
 
 /// A dry friction F holds the spool over 2 F.
@@ -70,10 +70,10 @@ void apply(std::span<const double> parameters, const LawContext& context, std::s
   const double breakaway = parameters[kBreakaway];
   const double kinetic = std::min(parameters[kKinetic], breakaway);
   const std::span<const double> driver = context.driver.empty() ? x : context.driver;
-  const SpoolFriction friction{.growth_per_a = parameters[kGrowth], .middle_a = context.input_middle};
+  const GrowthAlongInput growth{parameters[kGrowth], context.input_middle};
   double held = x.empty() ? 0 : driver[0];
   for (std::size_t i = 0; i < x.size(); ++i) {
-    const double pull = driver[i] - held, share = friction.share_at(held);
+    const double pull = driver[i] - held, share = growth.share_at(held);
     if (std::abs(pull) > breakaway * share) held = driver[i] - std::copysign(kinetic * share, pull);
     x[i] -= driver[i] - held;
   }

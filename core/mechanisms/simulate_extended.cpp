@@ -79,7 +79,7 @@ Result<Model> reshaped(Model model, std::span<const Law> laws) {
     if (volume.highest_psi == 0 && model.map) volume.highest_psi = model.map->output.back();
     const OrificeVolume before = volume;
     SpoolFriction friction = model.friction.value_or(SpoolFriction{});
-    if (model.map) friction.middle_a = 0.5 * (model.map->input.front() + model.map->input.back());
+    if (model.map) friction.growth.middle_a = 0.5 * (model.map->input.front() + model.map->input.back());
     mechanism.reshape(law.parameters, {spool, volume, friction});
     if (friction.breakaway_a > 0) model.friction = friction;
     const bool needs_volume = mechanism.place == Place::kPhysics && !(volume == before);

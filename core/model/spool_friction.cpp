@@ -99,7 +99,7 @@ class SlidingSpool {
     const double lag_s = dynamics.lag_s.empty() ? 0 : dynamics.lag_s.front();
     half_way_ = lag_s > 0 ? -std::expm1(-0.5 * h / lag_s) : 1;
     lagged_ = delayed_.at(0);
-    x_ = lagged_ - run.offset * breakaway_ * run.friction->share_at(lagged_);
+    x_ = lagged_ - run.offset * breakaway_ * run.friction->growth.share_at(lagged_);
     if (!run.rests.empty() && std::isfinite(run.rests[0])) x_ = known_.next_slip_from(0, run.rests[0]);
     landed_ = x_;
   }
@@ -111,7 +111,7 @@ class SlidingSpool {
   void begin(std::size_t i) {
     if (v_ == 0) x_ = known_.next_slip_from(i, x_);
     run_.position[i] = v_ == 0 ? landed_ : x_;
-    const bool sticks = v_ == 0 && std::abs(lagged_ - x_) <= breakaway_ * run_.friction->share_at(x_);
+    const bool sticks = v_ == 0 && std::abs(lagged_ - x_) <= breakaway_ * run_.friction->growth.share_at(x_);
     moves_ = !sticks || !delayed_.holds(i, lagged_);
   }
 
@@ -127,7 +127,7 @@ class SlidingSpool {
     }
     // The speed without friction, and what friction takes of it: at most all.
     const double free = v_ * keep_ + push_ * (u - x_);
-    const double push = push_ * run_.friction->share_at(x_);
+    const double push = push_ * run_.friction->growth.share_at(x_);
     double moved = 0;
     if (std::abs(free) > push * kinetic_) {
       const double relative = v_ * inverse_speed_;

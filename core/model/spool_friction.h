@@ -7,6 +7,16 @@
 
 namespace valvetriage {
 
+/// How a force or a way of the spool, told in amperes, grows along the input, over its value in the middle.
+struct GrowthAlongInput {
+  double per_a = 0;     ///< [1/A]
+  double middle_a = 0;  ///< of the range of inputs [A]
+
+  bool operator==(const GrowthAlongInput&) const = default;
+  /// At x, over the value in the middle; never less than a twentieth, to one side of any range.
+  double share_at(double x) const { return std::max(1 + per_a * (x - middle_a), 0.05); }
+};
+
 /// Dry friction on the spool, in input equivalents of the force:
 ///
 ///   ẍ = ωn² (u − x − f) − 2 ζ ωn ẋ,   |f| ≤ F_s at rest,   f = sign(ẋ) (F_k + (F_s − F_k) e^(−(ẋ/v_s)²)) in motion
@@ -21,11 +31,7 @@ struct SpoolFriction {
   double breakaway_a = 0;       ///< F_s ≥ 0; 0: none [A]
   double kinetic_a = 0;         ///< F_k, at most F_s [A]
   double stribeck_a_per_s = 0;  ///< v_s > 0, speed in input equivalents [A/s]
-  double growth_per_a = 0;      ///< of both forces along the way, from its middle [1/A]
-  double middle_a = 0;          ///< [A]
-
-  /// Both forces at x, over their values in the middle; never less than a twentieth, to one side of any range.
-  double share_at(double x) const { return std::max(1 + growth_per_a * (x - middle_a), 0.05); }
+  GrowthAlongInput growth;      ///< of both forces
 
   bool operator==(const SpoolFriction&) const = default;
 };

@@ -67,9 +67,7 @@ void append_recordings(const Analysis& analysis, std::string& page) {
 /// What the simulation gets wrong: the conclusion, each cause with its rivals and parameters, the held-out gain.
 void append_discrepancy(const Discrepancy& discrepancy, const std::string& unit, std::string& page) {
   page += fmt::format("Discrepancy {}\n", to_string(discrepancy.conclusion));
-  for (const Finding& finding : discrepancy.findings) {
-    if (finding.where == kStaticMap) page += fmt::format("  {}\n", finding.what);
-  }
+  if (const Finding* slip = discrepancy.slip()) page += fmt::format("  {}\n", slip->what);
   for (const NamedCause& cause : discrepancy.causes) {
     page += fmt::format("  {} (probability {:.2f})", cause.cause, cause.probability);
     for (const std::string& rival : cause.alternatives) page += fmt::format(", or {}", rival);

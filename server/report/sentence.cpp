@@ -6,7 +6,6 @@
 #include <array>
 #include <cctype>
 #include <cmath>
-#include <optional>
 #include <set>
 #include <utility>
 
@@ -120,14 +119,6 @@ std::string cause_sentence(const NamedCause& cause, const std::vector<RecordingS
   return parameters.empty() ? text : text + " " + capitalised(parameters) + ".";
 }
 
-/// What of the recordings no valve can do, in words that say what to check.
-std::optional<std::string> slip_in_recordings(const Discrepancy& discrepancy) {
-  for (const Finding& finding : discrepancy.findings) {
-    if (finding.where == kStaticMap) return finding.what;
-  }
-  return std::nullopt;
-}
-
 std::string discrepancy_sentence(const Discrepancy& discrepancy) {
   std::vector<std::string> names;
   bool rivals = false;
@@ -145,8 +136,8 @@ std::string discrepancy_sentence(const Discrepancy& discrepancy) {
       return "Something is wrong, but these recordings do not settle what: " +
              std::string(rivals ? "more than one cause explains them." : "no cause stands out clearly enough.");
     case Conclusion::kUnexplained:
-      if (const auto slip = slip_in_recordings(discrepancy)) {
-        return fmt::format("Something is wrong with the recordings rather than the valve: {}.", *slip);
+      if (const Finding* slip = discrepancy.slip()) {
+        return fmt::format("Something is wrong with the recordings rather than the valve: {}.", slip->what);
       }
       return "Something is wrong that no known cause explains. It is not known what; do not read a cause into this "
              "result.";

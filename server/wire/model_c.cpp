@@ -481,7 +481,7 @@ std::string spool_constants(const ValveDynamics& spool, const SpoolFriction& fri
          c_define("SPOOL_DELAY", delay) + c_define("NATURAL", spool.natural_frequency_rad_s) +
          c_define("DAMPING", spool.damping_ratio) + c_define("BREAKAWAY", friction.breakaway_a) +
          c_define("KINETIC", std::min(friction.kinetic_a, friction.breakaway_a)) +
-         c_define("STRIBECK", friction.stribeck_a_per_s) + c_define("GROWTH", friction.growth_per_a) +
+         c_define("STRIBECK", friction.stribeck_a_per_s) + c_define("GROWTH", friction.growth.per_a) +
          c_define("HALF_WAY", lag_s > 0 ? -std::expm1(-0.5 * period_s / substeps / lag_s) : 1);
 }
 

@@ -54,7 +54,7 @@ TEST(Physics, ALaterValveAndAStickingSpoolAddUp) {
   find_mechanism("transport_delay")->reshape(std::vector<double>{0.02}, {spool, volume, friction});
   EXPECT_DOUBLE_EQ(friction.breakaway_a, 0.011);
   EXPECT_DOUBLE_EQ(friction.kinetic_a, 0.011);  // at most breakaway
-  EXPECT_DOUBLE_EQ(friction.growth_per_a, 0.25);
+  EXPECT_DOUBLE_EQ(friction.growth.per_a, 0.25);
   EXPECT_DOUBLE_EQ(spool.delay_s, 0.024);
 }
 

@@ -58,8 +58,7 @@ TEST(SlidingSpool, OnASlowRampSlipsFromBreakawayToTheKineticForce) {
 
 TEST(SlidingSpool, AFrictionThatGrowsAlongTheWayHoldsFartherAtItsEnd) {
   SpoolFriction growing = kFriction;
-  growing.growth_per_a = 1;
-  growing.middle_a = 0.2;
+  growing.growth = {.per_a = 1, .middle_a = 0.2};
   const std::vector<double> position = run(growing);
   // It first slips at 0.1 A (1 + (0 − 0.2)), and comes to rest where 0.06 A (1 + (x − 0.2)) hold it back.
   const auto first = std::find_if(position.begin(), position.end(), [](double x) { return x > 0; });
