@@ -19,6 +19,11 @@ using Eigen::VectorXd;
 constexpr std::size_t kMostStarts = 32;
 // The start that simulates best is not always the one whose fit ends best.
 constexpr std::size_t kStartsFromPlace = 2;
+// Dry friction from half of what a good spool has to half of what holds one over most of a staircase's steps, over the
+// range of inputs; the middle of what its search begins with for the rest.
+constexpr double kLeastBreakaway = 0.001, kKineticShare = 0.75, kStribeckSpeed = 0.25;
+constexpr int kBreakaways = 7;
+constexpr double kNarrow = 5;
 // What one loop holds another holds about as far.
 constexpr std::array kSharesTakenOver{0.75, 1.0, 1.25};
 
@@ -31,7 +36,7 @@ std::vector<JointStart> taking_over(const Tested& tested, const Explanation& bes
   const ValveFitProblem problem(*beside.problem, options);
   std::vector<JointStart> starts;
   for (const double share : kSharesTakenOver) {
-    JointStart best{.baseline = place, .parameters = {}, .in_its_valley = true};
+    JointStart best{.baseline = place, .parameters = {}, .width = 1};
     double lowest = std::numeric_limits<double>::infinity();
     for (std::vector<double> start : tested.starts) {
       tested.fit.law.law->memory->take_over(share * width_a, start);
@@ -59,6 +64,31 @@ std::vector<JointStart> in_place_of_own_loops(const Tested& tested, const Explan
   return excess > 0 ? taking_over(tested, beside, place, excess) : std::vector<JointStart>{};
 }
 
+/// What holds a spool of a valve at `place`, from barely to hardly: those forces which simulate best. Secants over wide
+/// steps lead from a small force to none and from a large one past its slips.
+std::vector<JointStart> sticking_starts(const LawInFit& law, const Explanation& beside, const VectorXd& place,
+                                        double width) {
+  ValveFitOptions options = *beside.options;
+  options.laws.push_back(law);
+  const ValveFitProblem problem(*beside.problem, options);
+  const double range_a = options.knots.back() - options.knots.front();
+  std::vector<std::pair<double, JointStart>> by_cost;
+  double breakaway_a = kLeastBreakaway * range_a;
+  for (int force = 0; force < kBreakaways; ++force, breakaway_a *= 2) {
+    JointStart start{.baseline = place,
+                     .parameters = {breakaway_a, kKineticShare * breakaway_a, kStribeckSpeed * range_a, 0},
+                     .width = width};
+    const double cost = problem.cost(problem.clamped(beside.problem->continued_in(problem, place, start.parameters)));
+    if (std::isfinite(cost)) by_cost.emplace_back(cost, std::move(start));
+  }
+  std::stable_sort(by_cost.begin(), by_cost.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+  std::vector<JointStart> starts;
+  for (auto& [cost, start] : by_cost) {
+    if (starts.size() < kStartsFromPlace) starts.push_back(std::move(start));
+  }
+  return starts;
+}
+
 /// Where a law's joint fit may begin beside where its search ended: from each of the given places of the valve, those
 /// of the search's starts which simulate best. Searches over many instants or tones need no more starts.
 std::vector<JointStart> joint_starts(const Tested& tested, const Explanation& beside,
@@ -74,7 +104,15 @@ std::vector<JointStart> joint_starts(const Tested& tested, const Explanation& be
   ValveFitOptions options = *beside.options;
   options.laws.push_back(tested.fit.law);
   const ValveFitProblem problem(*beside.problem, options);
+  const bool sticks = makes_stick(tested.fit.law, beside);
   for (const VectorXd& place : places) {
+    if (sticks) {
+      const bool is_fitted = &place == &places.front();
+      for (JointStart& start : sticking_starts(tested.fit.law, beside, place, is_fitted ? 1 : kNarrow)) {
+        starts.push_back(std::move(start));
+      }
+      continue;
+    }
     std::vector<std::pair<double, const std::vector<double>*>> by_cost;
     for (const std::vector<double>& start : tested.starts) {
       const double cost = problem.cost(problem.clamped(beside.problem->continued_in(problem, place, start)));

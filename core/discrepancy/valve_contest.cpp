@@ -31,6 +31,8 @@ constexpr double kLikeGoodValves = 0.01;
 // Joint fits of those that the survey leaves in the race: this many at most, none that promises less than this share of
 // the best.
 constexpr std::size_t kMostJointFits = 4;
+// A joint fit may bring this many times what its forecast and its simulation say.
+constexpr double kMostOff = 2;
 // And beside those that promise most this many of those whose simulations are known to bring most.
 constexpr std::size_t kSurestJointFits = 2;
 constexpr double kLeastForecast = 0.05;
@@ -190,13 +192,19 @@ bool is_unlike_good_valves(const Contest& contest) {
   return kLeftoverTests * contest.p_value_beside <= kNamedFalseAlarm;
 }
 
+/// Whether a law may lower the cost by as much, by what is forecast or simulated, which are seldom off by more.
+bool may_gain(const Tested& tested, double least_gain) {
+  return kMostOff * std::max(tested.fit.reduction, tested.fit.verified) >= least_gain;
+}
+
 /// Those still in the race after a survey: rare in good valves by what is forecast, those that promise most, none that
 /// promises far less than the best, and those that bring most in simulations. A forecast is linear: where the fit has
 /// bent towards a fault, laws that promise ten times as much keep nothing of it.
-std::vector<const Tested*> in_the_race(const Survey& survey, const ValveDiagnosisOptions& options) {
+std::vector<const Tested*> in_the_race(const Survey& survey, double least_gain, const ValveDiagnosisOptions& options) {
   const auto forecast = [](const Tested* tested) { return std::max(tested->evidence.value, tested->promise.value); };
   std::vector<const Tested*> possible;
   for (const Tested& tested : survey.tested) {
+    if (!may_gain(tested, least_gain)) continue;
     if (p_value_of(tested, {forecast(&tested)}, size_beyond_good(tested, options.fit), options) <= kRareInGoodValves)
       possible.push_back(&tested);
   }
@@ -619,7 +627,7 @@ Survey survey_laws(const LinearisedValve& fit, const ValveFitOptions& options) {
   return survey;
 }
 
-Contest hold_contest(const Explanation& beside, const ValveDiagnosisOptions& options) {
+Contest hold_contest(const Explanation& beside, const ValveDiagnosisOptions& options, double least_gain) {
   Contest contest;
   const LinearisedValve linear(*beside.problem, beside.v);
   const double inflation = noise_inflation(linear.error());
@@ -631,7 +639,7 @@ Contest hold_contest(const Explanation& beside, const ValveDiagnosisOptions& opt
   contest.p_value_beside = leftover_of(linear, options).p_value;
 
   JointFits joint{.lowest = beside.cost};
-  fit_jointly(in_the_race(contest.survey, options), beside, bent, joint);
+  fit_jointly(in_the_race(contest.survey, least_gain, options), beside, bent, joint);
   if (joint.racing.empty()) return contest;
   if (bent) {
     const std::string leading(joint.racing.front()->cause());

@@ -65,7 +65,9 @@ struct Contest {
 
 /// Surveys the laws beside an explanation and lets the best of them compete in joint fits. Laws of a family that is in
 /// the explanation already take no part: two causes of one family explain each other's leftovers, not the valve.
-Contest hold_contest(const Explanation& beside, const ValveDiagnosisOptions& options);
+///
+/// least_gain  of the cost, below which the caller takes no winner: what cannot come near it is not fitted
+Contest hold_contest(const Explanation& beside, const ValveDiagnosisOptions& options, double least_gain = 0);
 
 /// The contest again where one of its laws turned out to fit better than its search had found: `better` is `beside`
 /// with that law alone.

@@ -48,13 +48,12 @@ class Diagnosis {
 
   /// A further cause beside those found, where it explains enough of what is left.
   bool add_one(Explanation& explanation) {
-    Contest next = hold_contest(explanation, options_);
-    if (!next.best) return false;
-    const double gained = explanation.cost - next.best->cost;
     const double above_floor = explanation.cost - noise_cost(explanation);
     const double left_of_laws = explanation.problem->sticks(explanation.v) ? kIdealisationOfSlips : kIdealisation;
     const double of_laws = left_of_laws * left_of_laws * (baseline_.cost - explanation.cost);
-    if (gained < std::max(kShareOfASecond * above_floor, of_laws)) return false;
+    const double least_gain = std::max(kShareOfASecond * above_floor, of_laws);
+    Contest next = hold_contest(explanation, options_, least_gain);
+    if (!next.best || explanation.cost - next.best->cost < least_gain) return false;
     explanation = take(next);
     return true;
   }

@@ -15,6 +15,8 @@ using Eigen::VectorXd;
 constexpr int kIterationsAtATime = 4;
 // Where several starts compete; the others end up at the same place or far from it.
 constexpr int kScoutIterations = 3;
+// Of the differences, where a rough cost is searched once more.
+constexpr double kWideAgain = ValveFitProblem::kWide / 4;
 // A descent gains less and less: no more than this many times what it gained last.
 constexpr double kMoreToGain = 3;
 // A quarter of a noise variance in 24,000 samples: far below what any decision turns on.
@@ -125,7 +127,7 @@ Explanation extend(const Explanation& explanation, const LawFit& law, int most_i
   std::vector<Descent> scouts{descent_from(problem, problem.cost(moved) < problem.cost(stayed) ? moved : stayed)};
   for (const JointStart& other : others) {
     scouts.push_back(descent_from(problem, start_at(other.baseline, other.parameters)));
-    if (other.in_its_valley) scouts.back().width = 1;
+    if (other.width > 0) scouts.back().width = std::min(scouts.back().width, other.width);
   }
   int done = 0;
   if (scouts.size() > 1) {
@@ -138,16 +140,27 @@ Explanation extend(const Explanation& explanation, const LawFit& law, int most_i
     const bool a_acts = acts(a), b_acts = acts(b);
     return a_acts != b_acts ? a_acts : a.cost < b.cost;
   };
-  Descent best = *std::min_element(scouts.begin(), scouts.end(), by_cost);
-  const Descent& lowest = *std::min_element(scouts.begin(), scouts.end(),
-                                            [](const Descent& a, const Descent& b) { return a.cost < b.cost; });
-  double before = done > 0 ? best.cost : std::numeric_limits<double>::infinity();
-  for (; done < most_iterations; done += kIterationsAtATime) {
-    best = descend_on(problem, std::move(best), kIterationsAtATime, kSmallestGain);
-    const double gained = before - best.cost;
-    before = best.cost;
-    if (best.termination != FitTermination::kIterationLimit) break;
-    if (std::isfinite(gained) && best.cost - kMoreToGain * gained > hopeless) break;
+  std::stable_sort(scouts.begin(), scouts.end(), by_cost);
+  const Descent lowest = *std::min_element(scouts.begin(), scouts.end(),
+                                           [](const Descent& a, const Descent& b) { return a.cost < b.cost; });
+  const auto led_down = [&](Descent descent) {
+    double before = done > 0 ? descent.cost : std::numeric_limits<double>::infinity();
+    for (int steps = done; steps < most_iterations; steps += kIterationsAtATime) {
+      descent = descend_on(problem, std::move(descent), kIterationsAtATime, kSmallestGain);
+      const double gained = before - descent.cost;
+      before = descent.cost;
+      if (descent.termination != FitTermination::kIterationLimit) break;
+      if (std::isfinite(gained) && descent.cost - kMoreToGain * gained > hopeless) break;
+    }
+    return descent;
+  };
+  Descent best = led_down(scouts.front());
+  if (scouts.size() > 1 && problem.sticks(best.v)) {
+    // A rough cost has many valleys: from wider secants there may be a lower one beside this.
+    Descent again = descent_from(problem, best.v);
+    again.width = kWideAgain;
+    again = led_down(std::move(again));
+    if (again.cost < best.cost) best = std::move(again);
   }
   if (lowest.cost < best.cost) best = lowest;
   extended.v = std::move(best.v);

@@ -34,7 +34,9 @@ Explanation explain_nothing(std::span<const Recording> recordings, const ValveFi
 struct JointStart {
   Eigen::VectorXd baseline;        ///< as Explanation::v, without the law
   std::vector<double> parameters;  ///< of the law, as LawFit's
-  bool in_its_valley = false;      ///< found in free runs: where those are rough, no secant over wide steps leads away
+  /// Of the first differences, where free runs are rough; 0: wide ones (ValveFitProblem::width_at). What was found in
+  /// free runs keeps its valley with 1.
+  double width = 0;
 };
 /// One more law, everything fitted together from where its search ended, or from another start that is better after a
 /// few iterations. A fit that at its pace would not come down to `hopeless` is ended early.

@@ -85,6 +85,7 @@ class Case:
     decoys: list = dataclasses.field(default_factory=list)   # of (name, size)
     attempt: int = 0
     d: float = math.nan
+    d_weaker: float = math.nan  # of a pair: d of the cause that shows less by itself
     d_name: float = math.nan
     rival: str = ""
     oracle_set: float = math.nan

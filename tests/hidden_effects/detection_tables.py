@@ -34,6 +34,18 @@ def by_distance(outcomes, distance):
                      "a wrong name at 0.95 or more"], rows))
 
 
+def by_weaker(outcomes):
+    """A pair can be named where both of its causes show."""
+    rows = []
+    for low, high in zip(BINS, BINS[1:]):
+        held = [o for o in within(outcomes, "pair") if o["d_weaker"] is not None and low <= o["d_weaker"] < high]
+        if held:
+            rows.append([f"{low:g} to {high:g}", count(held, is_right), count(held, lambda o: o["outcome"] == "half"),
+                         count(held, lambda o: o["truth_inside"]), count(held, lambda o: o["confident_wrong"])])
+    return table(["d of the weaker cause", "both named", "one named", "truth inside the answer",
+                  "a wrong name at 0.95 or more"], rows)
+
+
 def by_cause(outcomes, effects):
     rows = []
     for name in effects:

@@ -14,8 +14,12 @@ class Distances:
         """`wanted` is the class that the case is to belong to, `detect` for d alone, or `any`."""
         case.d, case.d_name, case.oracle_set, case.rival = self.ask(case, wanted, case.effects)
         if math.isnan(case.d_name) and wanted == case.kind:  # without it, each of a pair has to be plain by itself
-            case.d = min(self.ask(case, wanted, [effect])[0] for effect in case.effects)
+            case.d = self.weaker(case)
         return case
+
+    def weaker(self, case):
+        """d of that cause of a pair which shows less by itself."""
+        return min(self.ask(case, "detect", [effect])[0] for effect in case.effects)
 
     def ask(self, case, wanted, effects):
         """(d, d_name, oracle_set, rival)"""

@@ -39,6 +39,7 @@ def markdown(found):
     main = [
         ("Healthy", detection_tables.healthy(outcomes)),
         ("Faulty, by d", detection_tables.by_distance(outcomes, "d")),
+        ("Pairs, by d of the weaker cause", detection_tables.by_weaker(outcomes)),
         ("Faulty, by d_name", detection_tables.by_distance(outcomes, "d_name")),
         ("The plane of the two distances", fenced(reporting.plane_table(outcomes))),
         ("By cause", detection_tables.by_cause(outcomes, found.effects)),

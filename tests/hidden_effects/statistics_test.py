@@ -14,7 +14,7 @@ from kept import Kept
 
 def outcome(kind="single", hidden=("friction",), said=(), **more):
     return {"case": "single-0001", "kind": kind, "hidden": list(hidden), "sizes": [0.01] * len(hidden), "decoy": "",
-            "d": 20.0, "d_name": 10.0, "oracle_set": 1.0, "conclusion": "named", "said": [list(one) for one in said],
+            "d": 20.0, "d_weaker": None, "d_name": 10.0, "oracle_set": 1.0, "conclusion": "named", "said": [list(one) for one in said],
             "confident_wrong": False, "set_size": 1, "truth_inside": True, "parameters": [], "top_candidates": [],
             "truth": {"effects": []}, "outcome": "right", "failure": None} | more
 
@@ -114,6 +114,15 @@ class Tables(unittest.TestCase):
         text = detection_tables.by_distance([outcome(d=3.0), outcome(d=20.0), outcome(d=20.0, outcome="missed", conclusion="none")], "d")
         self.assertIn("| one cause | 2 to 4 | 1.000 [0.025, 1.000] of 1 |", text)
         self.assertIn("| one cause | 16 to 32 | 0.500 [0.013, 0.987] of 2 |", text)
+
+
+    def test_a_pair_is_judged_by_the_cause_that_shows_less(self):
+        held = [outcome("pair", ["friction", "leakage"], d=200.0, d_weaker=3.0, outcome="half"),
+                outcome("pair", ["friction", "leakage"], d=40.0, d_weaker=20.0), outcome(d=20.0)]
+        text = detection_tables.by_weaker(held)
+        self.assertIn("| 2 to 4 | 0.000 [0.000, 0.975] of 1 | 1.000 [0.025, 1.000] of 1 |", text)
+        self.assertIn("| 16 to 32 | 1.000 [0.025, 1.000] of 1 |", text)
+        self.assertNotIn("of 2", text)
 
 
 class Lines(unittest.TestCase):

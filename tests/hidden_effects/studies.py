@@ -18,11 +18,14 @@ def distance_key(program_sha, case, name_too):
 
 
 def distances_line(key, program, case, name_too):
-    """d of a case, and d_name where it is asked for (it costs several times as much)."""
+    """d of a case, of a pair also that of its weaker cause, and d_name where it is asked for (it costs several times as
+    much)."""
     if program not in running:
         running[program] = Distances(*program)
     found = running[program].measure(dataclasses.replace(case), "any" if name_too else "detect")
     line = {"key": key, "d": found.d}
+    if len(case.effects) > 1:
+        line["d_weaker"] = running[program].weaker(case)
     if name_too:
         line |= {"d_name": found.d_name, "rival": found.rival, "oracle_set": found.oracle_set}
     return line
@@ -32,7 +35,7 @@ def with_distances(case, line):
     """The case with what is known of its distances."""
     if not line:
         return case
-    return dataclasses.replace(case, d=line["d"], d_name=line.get("d_name", math.nan), rival=line.get("rival", ""),
+    return dataclasses.replace(case, d=line["d"], d_weaker=line.get("d_weaker", math.nan), d_name=line.get("d_name", math.nan), rival=line.get("rival", ""),
                                oracle_set=line.get("oracle_set", math.nan))
 
 

@@ -32,9 +32,12 @@ class Suite:
         return studies.distance_key(self.program_sha, case, name_too)
 
     def known_distances(self, case):
-        """The line of a case's distances, with d_name if that has been measured; None where nothing has."""
-        keys = [self.distance_key(case, name_too) for name_too in (True, False)]
-        return next((self.distances[key] for key in keys if key in self.distances), None)
+        """What has been measured of a case's distances, by name; empty where nothing has."""
+        known = {}
+        for name_too in (False, True):
+            key = self.distance_key(case, name_too)
+            known |= self.distances[key] if key in self.distances else {}
+        return known
 
     def measured(self, case):
         return studies.with_distances(case, self.known_distances(case))
@@ -59,30 +62,30 @@ class Suite:
         tasks = []
         for case in self.cases:
             name_too = self.stand.tells_names and case.number < self.options.names
-            known = self.known_distances(case)
-            if case.effects and case.plant == "valve" and (not known or (name_too and "d_name" not in known)):
+            asked = {"d"} | ({"d_name"} if name_too else set()) | ({"d_weaker"} if len(case.effects) > 1 else set())
+            if case.effects and case.plant == "valve" and not asked <= set(self.known_distances(case)):
                 key = self.distance_key(case, name_too)
-                tasks.append((key, (studies.distances_line, key, self.program, case, name_too)))
+                tasks.append((studies.distances_line, key, self.program, case, name_too))
         self.fill(pool, self.distances, "distances", tasks)
 
     def ask(self, pool, bench, cases, what):
         bench.learn_reference()
         self.fill(pool, self.answers, what, [
-            (bench.key(case), (studies.answer_line, bench.key(case), bench, self.measured(case))) for case in cases])
+            (studies.answer_line, bench.key(case), bench, self.measured(case))
+            for case in cases if bench.key(case) not in self.answers])
 
     def close_loops(self, pool, bench, cases):
         self.fill(pool, self.loops, "closed loops", [
-            (bench.key(case), (studies.loop_line, bench.key(case), bench, case))
-            for case in self.ambiguous(bench, cases)])
+            (studies.loop_line, bench.key(case), bench, case)
+            for case in self.ambiguous(bench, cases) if bench.key(case) not in self.loops])
 
-    def fill(self, pool, kept, what, tasks):
-        missing = [call for key, call in tasks if key not in kept]
+    def fill(self, pool, kept, what, calls):
         try:
-            for number, future in enumerate(concurrent.futures.as_completed([pool.submit(*call) for call in missing])):
+            for number, future in enumerate(concurrent.futures.as_completed([pool.submit(*call) for call in calls])):
                 kept.add(future.result())
-                print(f"\r{what}: {number + 1} of {len(missing)}", end="", file=sys.stderr, flush=True)
+                print(f"\r{what}: {number + 1} of {len(calls)}", end="", file=sys.stderr, flush=True)
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)  # or hundreds of answers are asked for and thrown away
             raise
-        if missing:
+        if calls:
             print(file=sys.stderr)
