@@ -217,6 +217,11 @@ bool repeats_by_itself(const Extremes& extremes, double sigma, double level_step
   return level_step > 0 || sigma < kNoiselessOfRange * extremes.range();
 }
 
+/// One value from the first sample to the last: a live gauge has noise, at rest too.
+bool is_frozen(const Recording& recording, const Extremes& output) {
+  return output.range() == 0 && recording.samples() >= kFewestStuck && extremes_of(recording.input.values).range() > 0;
+}
+
 std::size_t samples_of(const std::vector<Run>& runs) {
   std::size_t samples = 0;
   for (const Run& run : runs) samples += run.size();
@@ -236,6 +241,14 @@ void judge_runs(Recording& recording, const Extremes& extremes, bool can_repeat)
     recording.quality.push_back({.code = "clipped",
                                  .detail = fmt::format("{} held at {}", recording.output.quantity, where),
                                  .count = samples_of(at_low) + samples_of(at_high)});
+  }
+  if (is_frozen(recording, extremes)) {
+    recording.quality.push_back(
+        {.code = "stuck",
+         .detail = fmt::format("{} is exactly {} throughout while the input moves: the gauge or its cable is dead, or "
+                               "the valve does not follow at all",
+                               recording.output.quantity, quantity(extremes.low, recording.output.unit)),
+         .count = recording.samples()});
   }
   if (!stuck.empty()) {
     recording.quality.push_back(
@@ -399,6 +412,7 @@ std::vector<QualityPlace> quality_places(const Recording& recording) {
   const double level_step = has("quantised") ? coarse_step_of(y, extremes, sigma) : 0;
   if (has("gap")) add("gap", gaps);
   if (has("outliers")) add("outliers", outliers.empty() ? spikes_of(y, extremes, sigma, level_step) : outliers);
+  if (has("stuck") && is_frozen(recording, extremes)) add("stuck", {{0, y.size()}});
   const auto [at_low, at_high, stuck] =
       telling_runs(recording, extremes, repeats_by_itself(extremes, sigma, level_step));
   if (has("clipped")) {

@@ -13,8 +13,8 @@ namespace valvetriage {
 ///            than two standard deviations of its noise and a thousandth of its range; possibly in part of the range
 /// clipped    the output stays exactly at its greatest or least value longer than its own repeats elsewhere explain
 ///            (chance below 1e-9), or while the input goes on. Removes nothing: it may be the valve's own limit
-/// stuck      the output stays exactly at any other value that long: a frozen sensor or logger.
-///            Not judged where the output is quantised or has no noise
+/// stuck      the output stays exactly at any other value that long: a frozen sensor or logger. So does an output that
+///            has one value throughout. A part of it is not judged where the output is quantised or has no noise
 /// outliers   one or two samples far off both neighbours (10 standard deviations, 3 % of the range, 4 times the
 /// movement
 ///            around them), never the edge of a step. Replaced by the mean of the neighbours and marked not valid, as

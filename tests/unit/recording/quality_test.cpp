@@ -60,6 +60,20 @@ TEST(Quality, NamesAFrozenSensor) {
   EXPECT_NE(item->detail.find("the first after 2.5 s"), std::string::npos) << item->detail;
 }
 
+TEST(Quality, NamesAnOutputThatHasOneValueThroughout) {
+  RawRecording raw = recorded(steps_of({1.0, 1.4, 1.0, 1.8, 1.0}, 400), 4);
+  std::ranges::fill(raw.output.values, 3.0);
+  const Recording recording = prepared(raw);
+  const QualityItem* item = find_quality(recording, "stuck");
+  ASSERT_NE(item, nullptr);
+  EXPECT_EQ(item->count, recording.samples());
+  EXPECT_NE(item->detail.find("exactly 3 psi throughout"), std::string::npos) << item->detail;
+  EXPECT_TRUE(recording.valid.empty()) << "a valve that does not move looks the same: nothing is left out";
+  const std::vector<QualityPlace> places = quality_places(recording);
+  ASSERT_EQ(places.size(), 1u);
+  EXPECT_EQ(places[0].end, recording.samples());
+}
+
 TEST(Quality, LeavesOutSingleOutliersButNoStepEdge) {
   RawRecording raw = recorded(steps_of({1.0, 1.4, 1.0, 1.8, 1.0}, 400), 5);
   raw.output.values[333] += 40;
