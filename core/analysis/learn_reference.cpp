@@ -390,6 +390,19 @@ Result<Reference> learn_with(const std::vector<Member>& members, const std::stri
   return reference;
 }
 
+/// A valve that counts as several makes good valves look more alike than they are, and the next good one is thrown out.
+Result<void> check_distinct(std::span<const ValveRecordings> valves) {
+  std::set<std::string_view> serials;
+  for (const ValveRecordings& valve : valves) {
+    if (serials.insert(valve.serial).second) continue;
+    return fail("repeated_valve",
+                fmt::format("valve {} is there more than once: all recordings of one valve belong together (in one "
+                            "folder, in one submission)",
+                            valve.serial));
+  }
+  return {};
+}
+
 }  // namespace
 
 Result<Reference> learn_reference(std::span<const ValveRecordings> valves, const std::string& valve_type) {
@@ -398,6 +411,7 @@ Result<Reference> learn_reference(std::span<const ValveRecordings> valves, const
                 fmt::format("a reference needs at least {} good valves, here {} {}", kFewestReferenceValves,
                             valves.size() == 1 ? "is" : "are", valves.size()));
   }
+  if (auto checked = check_distinct(valves); !checked) return tl::unexpected(checked.error());
   auto options = common_options(valves);
   if (!options) return tl::unexpected(options.error());
 

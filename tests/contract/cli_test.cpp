@@ -121,6 +121,18 @@ TEST_F(Cli, PlainFilesOfAReferenceGroupBySerial) {
   EXPECT_EQ(text_of(file("plain.json")), text_of(reference())) << "the same valves, however they were named";
 }
 
+TEST_F(Cli, CopiesOfOneGoodValveAreNoPopulation) {
+  const std::filesystem::path valve = std::filesystem::path(recordings("good").front()).parent_path();
+  for (const char* copy : {"copies/a", "copies/b", "copies/c"}) {
+    std::filesystem::create_directories(file(copy));
+    std::filesystem::copy(valve, file(copy), std::filesystem::copy_options::recursive);
+  }
+  const Outcome outcome =
+      test::valvetriage({"reference", "learn", file("copies"), "--valve-type", "type-1", "-o", file("copies.json")});
+  EXPECT_EQ(outcome.status, 2);
+  EXPECT_NE(outcome.err.find("more than once"), std::string::npos) << outcome.err;
+}
+
 TEST_F(Cli, AnAnalysisFitsItsSchemaAndNamesItsReasonForNoVerdict) {
   const Json document = analysis({"--reference", reference(), "--json"});
   EXPECT_EQ(schema_violations("analysis", dump_json(document)), "");

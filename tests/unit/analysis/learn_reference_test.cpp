@@ -192,6 +192,15 @@ TEST(LearnReference, FindsNoAirWhereThereIsNone) {
   EXPECT_EQ(usual_mechanisms(reference->model).air_share, 0);
 }
 
+TEST(LearnReference, TakesNoValveForTwo) {
+  std::vector<ValveRecordings> valves = population(3, 7);
+  valves.push_back(valves[1]);
+  const auto reference = learn_reference(valves, "type-1");
+  ASSERT_FALSE(reference);
+  EXPECT_EQ(reference.error().code, "repeated_valve");
+  EXPECT_NE(reference.error().message.find("GOOD-2"), std::string::npos) << reference.error().message;
+}
+
 TEST(LearnReference, NeedsThreeValves) {
   const auto two = learn_reference(population(2, 5), "type-1");
   ASSERT_FALSE(two);
