@@ -176,6 +176,29 @@ TEST_F(Cli, TwoValvesAreNotAnalysedTogether) {
   EXPECT_NE(outcome.err.find("EFC-1"), std::string::npos) << outcome.err;
 }
 
+TEST_F(Cli, ARecordingGivenTwiceIsAnErrorThatNamesBoth) {
+  const std::string first = recordings("valve").front();
+  std::filesystem::copy_file(first, file("copy of it.csv"));
+  const Outcome outcome = test::valvetriage(analyze_arguments({file("copy of it.csv")}));
+  EXPECT_EQ(outcome.status, 2);
+  EXPECT_NE(outcome.err.find("copy of it.csv"), std::string::npos) << outcome.err;
+  EXPECT_NE(outcome.err.find(std::filesystem::path(first).filename().string()), std::string::npos) << outcome.err;
+  EXPECT_EQ(test::valvetriage(analyze_arguments({first})).status, 2);
+}
+
+TEST_F(Cli, AValveIsNotComparedWithGoodOnesOfAnotherType) {
+  const std::string valve = recordings("valve").front();
+  std::string text = text_of(valve);
+  text.replace(text.find("valve_type: type-1"), 18, "valve_type: type-2");
+  const Outcome outcome = test::valvetriage({"analyze", write("other type.csv", text), "--reference", reference()});
+  EXPECT_EQ(outcome.status, 2);
+  EXPECT_NE(outcome.err.find("other type.csv: metadata valve_type"), std::string::npos) << outcome.err;
+  EXPECT_NE(outcome.err.find("'type-2'"), std::string::npos) << outcome.err;
+  EXPECT_EQ(
+      test::valvetriage({"analyze", file("other type.csv"), "--reference", reference(), "--baseline", "self"}).status,
+      0);
+}
+
 TEST_F(Cli, AnOptionThatContradictsTheFileIsAnError) {
   const Outcome outcome = test::valvetriage(analyze_arguments({"--serial", "EFC-2"}));
   EXPECT_EQ(outcome.status, 2);
