@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
 
 #include "server/commands/analysis_arguments.h"
@@ -64,6 +65,16 @@ void append_recordings(const Analysis& analysis, std::string& page) {
   }
 }
 
+/// The interval and not the standard error: it is the interval that also holds how far the law itself can be trusted.
+std::string estimate_text(const ParameterEstimate& estimate) {
+  if (!estimate.text.empty()) return estimate.text;
+  std::string text = fmt::format("{:.4g}", estimate.value);
+  if (!estimate.unit.empty()) text += " " + estimate.unit;
+  const auto [low, high] = estimate.ci95;
+  if (std::isfinite(low) && std::isfinite(high)) text += fmt::format(" (95 %: {:.4g} to {:.4g})", low, high);
+  return text;
+}
+
 /// What the simulation gets wrong: the conclusion, each cause with its rivals and parameters, the held-out gain.
 void append_discrepancy(const Discrepancy& discrepancy, const std::string& unit, std::string& page) {
   page += fmt::format("Discrepancy {}\n", to_string(discrepancy.conclusion));
@@ -73,8 +84,7 @@ void append_discrepancy(const Discrepancy& discrepancy, const std::string& unit,
     for (const std::string& rival : cause.alternatives) page += fmt::format(", or {}", rival);
     page += "\n";
     for (const auto& [name, estimate] : cause.parameters) {
-      const std::string value = estimate.text.empty() ? fmt::format("{:.4g}", estimate.value) : estimate.text;
-      page += fmt::format("    {} {} +- {:.2g} {}\n", name, value, estimate.std_error, estimate.unit);
+      page += fmt::format("    {} {}\n", name, estimate_text(estimate));
     }
   }
   if (discrepancy.causes.empty()) return;

@@ -1,4 +1,5 @@
 // The verbs as scripts use them: files in, standard output and exit status out.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -210,6 +211,19 @@ TEST_F(Cli, ThePageForAPersonBeginsWithTheVerdict) {
   EXPECT_EQ(outcome.status, 0);
   EXPECT_TRUE(outcome.out.starts_with("Verdict ")) << outcome.out;
   EXPECT_EQ(outcome.err, "");
+}
+
+TEST_F(Cli, ThePageForAPersonGivesTheIntervalOfAParameter) {
+  const Outcome outcome = test::valvetriage(analyze_arguments({"--reference", reference()}));
+  const Json document = analysis({"--reference", reference(), "--json"});
+  ASSERT_FALSE(document["discrepancy"]["causes"].empty());
+  for (const auto& [name, estimate] : document["discrepancy"]["causes"][0]["parameters"].items()) {
+    if (!estimate["value"].is_number() || !estimate["ci95"][0].is_number()) continue;
+    const std::string line = fmt::format("{} {:.4g} {}(95 %: {:.4g} to {:.4g})", name, estimate["value"].get<double>(),
+                                         estimate["unit"] == "" ? "" : estimate["unit"].get<std::string>() + " ",
+                                         estimate["ci95"][0].get<double>(), estimate["ci95"][1].get<double>());
+    EXPECT_NE(outcome.out.find(line), std::string::npos) << line << "\n" << outcome.out;
+  }
 }
 
 TEST_F(Cli, TheModelOfAnAnalysisSimulatesAndGivesOneRowPerInputRow) {
