@@ -51,7 +51,7 @@ Result<Response> raw_bytes(Service& service, const Request& request, const Recor
   Response response;
   const std::string tag = '"' + row.sha256 + '"';
   response.set_header("ETag", tag);
-  if (request.head.header("if-none-match") == tag) {
+  if (has_tag(request, tag)) {
     response.status = 304;
     return response;
   }
@@ -78,7 +78,7 @@ Response analysis_response(const Request& request, const AnalysisRow& row, std::
   const std::string tag = '"' + row.id + '"';
   response.set_header("ETag", tag);
   response.set_header("Content-Location", "/v1/analyses/" + row.id);
-  if (request.head.header("if-none-match") == tag) {
+  if (has_tag(request, tag)) {
     response.status = 304;
   } else {
     response.body = std::move(body);

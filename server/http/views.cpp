@@ -2,8 +2,11 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
 #include <charconv>
 
+#include "core/mechanisms/mechanism.h"
 #include "server/http/limits.h"
 
 namespace valvetriage::http {
@@ -75,17 +78,52 @@ bool wants_csv(const Request& request) {
   return request.head.header("accept").value_or("").starts_with("text/csv");
 }
 
-Result<TimestampMs> time_parameter(std::string_view name, std::string_view text) {
-  if (const auto time = parse_rfc3339(text)) return *time;
+Error bad_filter(std::string_view name, std::string_view found, std::string expected) {
   Error error{.code = "bad_parameter"};
   error.field = name;
-  error.found = text;
-  error.expected = "an RFC 3339 time, for instance 2026-08-03T09:12:44Z";
-  error.message = fmt::format("{}: '{}' is not {}", name, text, error.expected);
-  return tl::unexpected(error);
+  error.found = found;
+  error.expected = std::move(expected);
+  error.message = fmt::format("{}: '{}' is not {}", name, found, error.expected);
+  return error;
+}
+
+Result<TimestampMs> time_parameter(std::string_view name, std::string_view text) {
+  if (const auto time = parse_rfc3339(text)) return *time;
+  return tl::unexpected(bad_filter(name, text, "an RFC 3339 time, for instance 2026-08-03T09:12:44Z"));
+}
+
+/// A verdict or cause that cannot be would give an empty list, which reads like good news.
+Result<void> check_filter_words(const Filter& filter) {
+  constexpr std::array<std::string_view, 3> kVerdicts{"Good", "Malfunctioned", "Severe"};
+  if (filter.verdict && std::ranges::find(kVerdicts, *filter.verdict) == kVerdicts.end()) {
+    return tl::unexpected(bad_filter("verdict", *filter.verdict, "Good, Malfunctioned or Severe"));
+  }
+  if (filter.cause && !find_mechanism(*filter.cause)) {
+    return tl::unexpected(bad_filter("cause", *filter.cause, "a cause; /v1/causes lists them"));
+  }
+  return {};
+}
+
+/// One tag of an If-None-Match without the mark of a weak one, which compares alike here (RFC 9110, 13.1.2).
+std::string_view strong(std::string_view tag) {
+  while (!tag.empty() && (tag.front() == ' ' || tag.front() == '\t')) tag.remove_prefix(1);
+  while (!tag.empty() && (tag.back() == ' ' || tag.back() == '\t')) tag.remove_suffix(1);
+  if (tag.starts_with("W/")) tag.remove_prefix(2);
+  return tag;
 }
 
 }  // namespace
+
+bool has_tag(const Request& request, std::string_view tag) {
+  std::string_view left = request.head.header("if-none-match").value_or("");
+  if (strong(left) == "*") return true;
+  while (!left.empty()) {
+    const std::size_t comma = std::min(left.find(','), left.size());
+    if (strong(left.substr(0, comma)) == tag) return true;
+    left.remove_prefix(std::min(comma + 1, left.size()));
+  }
+  return false;
+}
 
 Json view(const RecordingRow& row) {
   Json object{{"id", row.id},
@@ -262,6 +300,7 @@ Result<Filter> filter_of(const Request& request) {
   filter.stand = text("stand");
   filter.verdict = text("verdict");
   filter.cause = text("cause");
+  if (auto checked = check_filter_words(filter); !checked) return tl::unexpected(checked.error());
   for (const auto& [name, field] : {std::pair("since", &Filter::since), std::pair("until", &Filter::until)}) {
     const auto value = text(name);
     if (!value) continue;

@@ -33,7 +33,9 @@ Response list_response(const Request& request, std::vector<Json> items, const st
 
 /// `limit` and `cursor`. Errors `bad_parameter`.
 Result<PageRequest> page_request(const Request& request);
-/// The filters of the lists. Errors `bad_parameter` for a time that is not RFC 3339.
+/// Whether the client's If-None-Match holds this entity tag, quotes included: then the answer is 304.
+bool has_tag(const Request& request, std::string_view tag);
+/// The filters of the lists. Errors `bad_parameter` for a time that is not RFC 3339, a verdict or cause that is none.
 Result<Filter> filter_of(const Request& request);
 
 /// CSV rows of objects: RFC 4180, one header line, numbers as they are, texts that a spreadsheet would take for a

@@ -160,6 +160,18 @@ TEST(HttpFront, ListsAsCsvThatASpreadsheetTakesForTextOnly) {
   EXPECT_EQ(server.get("/v1/recordings?format=csv").body, list.body);
 }
 
+TEST(HttpFront, RefusesAVerdictAndACauseThatAreNoneInsteadOfFindingNothing) {
+  TestServer server({});
+  for (const char* list : {"/v1/recordings", "/v1/submissions"}) {
+    for (const char* wrong : {"verdict=good", "verdict=Bad", "cause=stiction", "cause=Friction"}) {
+      const RawAnswer answer = server.get(std::string(list) + "?" + wrong);
+      EXPECT_EQ(answer.status, 400) << wrong;
+      EXPECT_EQ(json_of(answer)["code"], "bad_parameter") << wrong;
+    }
+    EXPECT_EQ(server.get(std::string(list) + "?verdict=Good&cause=friction").status, 200);
+  }
+}
+
 TEST(HttpFront, PagesThroughAListWithoutLossOrRepetition) {
   TestServer server({});
   for (int i = 0; i < 7; ++i)

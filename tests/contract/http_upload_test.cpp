@@ -267,6 +267,14 @@ TEST(HttpUpload, IsAnalysedAndItsResultIsFoundEverywhere) {
   EXPECT_EQ(json_of(server.get(self + "/analyses"))["items"].size(), 1u);
   EXPECT_EQ(json_of(server.get("/v1/recordings?verdict=Good&lot=lot-1"))["items"].size(), 1u);
   EXPECT_EQ(json_of(server.get("/v1/recordings?verdict=Severe"))["items"].size(), 0u);
+  const RawAnswer analysis = server.get(self + "/analysis");
+  const std::string tag = analysis.header("ETag");
+  for (const std::string& held : {tag, "W/" + tag, "\"other\", " + tag, std::string("*")}) {
+    const RawAnswer unchanged = server.get(self + "/analysis", {{"If-None-Match", held}});
+    EXPECT_EQ(unchanged.status, 304) << held;
+    EXPECT_EQ(unchanged.body, "") << held;
+  }
+  EXPECT_EQ(server.get(self + "/analysis", {{"If-None-Match", "\"other\""}}).status, 200);
   EXPECT_EQ(json_of(server.get("/v1/lots/lot-1"))["verdicts"]["Good"], 1);
   EXPECT_EQ(json_of(server.get("/v1/lots/lot-1/history"))["valves"].size(), 1u);
   EXPECT_EQ(json_of(server.get("/v1/valves/EFC-1"))["submissions"].size(), 1u);
