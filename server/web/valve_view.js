@@ -265,17 +265,19 @@ function waitingPart(submission, job, again, signal) {
   }) };
 }
 
+/// What was wrong and in which file: "steps.csv: line 51, column 3 (pressure_psi): 'n/a' is not a number".
 export function problemText(problem) {
   if (!problem) return "";
-  const at = [problem.file, problem.line ? `line ${problem.line}` : null, problem.column ? `column ${problem.column}` : null].filter(Boolean);
-  return `${problem.detail}${at.length && !problem.detail?.includes("line") ? ` (${at.join(", ")})` : ""}`;
+  const at = [problem.line ? `line ${problem.line}` : null, problem.column ? `column ${problem.column}` : null].filter(Boolean);
+  const file = problem.file && !problem.detail?.includes(problem.file) ? `${problem.file}: ` : "";
+  return `${file}${problem.detail}${at.length && !problem.detail?.includes("line") ? ` (${at.join(", ")})` : ""}`;
 }
 
+/// One file's mistake ends the whole session, and every recording carries it: it is said once, with the file's name.
 function failedPart(submission) {
-  const files = submission.recordings.filter((r) => r.error);
-  return section("No result",
-    el("p", { class: "conclusion unexplained" }, el("strong", {}, spoken(submission.state)), " ", problemText(submission.error)),
-    files.length ? el("ul", {}, files.map((r) => el("li", {}, `${r.name}: `, problemText(r.error)))) : null);
+  const said = [...new Set([submission.error, ...submission.recordings.map((r) => r.error)].filter(Boolean).map(problemText))];
+  return section("No result", el("p", { class: "conclusion unexplained" }, el("strong", {}, spoken(submission.state)), " ", said.join("; "),
+    submission.state === "rejected" && submission.error?.file && submission.recordings.length > 1 ? el("span", { class: "small" }, " Mend that file and send the session again.") : null));
 }
 
 /// A later analysis that gave nothing: what is shown is the one before.

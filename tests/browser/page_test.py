@@ -83,6 +83,24 @@ class Page(unittest.TestCase):
         self.assertRegex(self.uploaded, r"rejected .*line 9")
         self.assertIn("n/a", self.uploaded)
 
+    def test_a_rejected_session_blames_the_one_file_that_is_wrong(self):
+        server = self.own_server()
+        folder = self.folder / "EFC-BLAME"
+        folder.mkdir()
+        (folder / "sound.csv").write_text(recording("EFC-BLAME", "2026-W44"))
+        (folder / "spoilt.csv").write_text(recording("EFC-BLAME", "2026-W44", bad_line=9))
+        self.browser.open(f"{server.url}/#/upload")
+        self.browser.wait_for_text("Drop recordings here")
+        self.browser.drop_files(".drop", [folder])
+        self.browser.wait_for_text("Upload 1 valve")
+        self.browser.run("document.querySelector('button.primary').click()")
+        self.browser.wait_for_text("rejected spoilt.csv: line 9")
+        session = server.get("/v1/submissions")["items"][0]["id"]
+        self.browser.open(f"{server.url}/#/valve/{session}")
+        self.browser.wait_for_text("Rejected spoilt.csv: line 9")
+        self.assertEqual(self.browser.text().count("is not a number"), 1)
+        self.assertNotIn("sound.csv: line", self.browser.text())
+
     def test_the_list_filters_and_its_address_can_be_sent(self):
         self.open("/valves", "Test sessions")
         self.assertEqual(self.browser.run("document.querySelectorAll('tbody tr').length"), 3)
