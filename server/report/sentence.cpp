@@ -119,7 +119,19 @@ std::string cause_sentence(const NamedCause& cause, const std::vector<RecordingS
   return parameters.empty() ? text : text + " " + capitalised(parameters) + ".";
 }
 
-std::string discrepancy_sentence(const Discrepancy& discrepancy) {
+/// Nothing beside what good valves leave; where the steps are judged not good all the same, that is no contradiction: a
+/// verdict is against the mean good valve, a cause against all that good valves do.
+std::string nothing_left(const std::optional<std::string>& verdict) {
+  if (!verdict || *verdict == "Good")
+    return "The simulation leaves nothing that a good valve on this stand would not leave.";
+  return fmt::format(
+      "No single fault stands out: with every parameter as good valves have it, the simulation follows "
+      "these recordings down to the noise. The verdict {} rests on the steps, which lie too far from those "
+      "of the mean good valve.",
+      *verdict);
+}
+
+std::string discrepancy_sentence(const Discrepancy& discrepancy, const std::optional<std::string>& verdict) {
   std::vector<std::string> names;
   bool rivals = false;
   for (const NamedCause& cause : discrepancy.causes) {
@@ -129,7 +141,7 @@ std::string discrepancy_sentence(const Discrepancy& discrepancy) {
   }
   switch (discrepancy.conclusion) {
     case Conclusion::kNone:
-      return "The simulation leaves nothing that a good valve on this stand would not leave.";
+      return nothing_left(verdict);
     case Conclusion::kNamed:
       return fmt::format("The simulation is wrong because it lacks {}.", fmt::join(names, " and "));
     case Conclusion::kAmbiguous:
@@ -251,7 +263,7 @@ Summary summarise(const Analysis& analysis) {
     return summary;
   }
   const Discrepancy& discrepancy = *analysis.discrepancy;
-  summary.discrepancy = discrepancy_sentence(discrepancy);
+  summary.discrepancy = discrepancy_sentence(discrepancy, analysis.classification.verdict);
   for (const NamedCause& cause : discrepancy.causes)
     summary.causes.push_back(cause_sentence(cause, analysis.recordings));
   summary.fault = fault_sentence(discrepancy);

@@ -81,6 +81,13 @@ const CONCLUSIONS = { none: "Nothing wrong", named: "Named", ambiguous: "Not set
 /// Whether a name is a cause, or one of the words that stand where no cause is settled.
 export const isCause = (name) => !Object.hasOwn(CONCLUSIONS, name) && !["other", "not_analysed"].includes(name);
 export const conclusionWords = (conclusion) => CONCLUSIONS[conclusion] ?? "–";
+const isJudgedBad = (verdict) => Boolean(verdict) && verdict !== "Good";
+/// The same beside a verdict: of a valve that is not good, "nothing wrong" would contradict it.
+export const conclusionBeside = (conclusion, verdict) => (conclusion === "none" && isJudgedBad(verdict) ? "No cause found" : conclusionWords(conclusion));
+
+const FOUND = { none: "Nothing wrong", other: "Something else" };
+/// What teardown found, in words.
+export const foundWords = (name) => FOUND[name] ?? spoken(name);
 
 /// q-value of a name: below 0.001 more digits mean nothing.
 export const qValue = (q) => (q < 0.001 ? "q\u00a0<\u00a00.001" : `q\u00a0${figure(q, 2)}`);
@@ -94,7 +101,7 @@ export function causesCell(valve) {
 /// Cause of a row in a list: named plainly only where it is settled.
 export function causeCell(row) {
   if (!row.conclusion) return "–";
-  if (row.conclusion === "none") return "none";
+  if (row.conclusion === "none") return isJudgedBad(row.verdict) ? "no cause found" : "none";
   if (row.conclusion === "unexplained") return "unexplained";
   if (!row.top_cause) return conclusionWords(row.conclusion);
   const likely = `${spoken(row.top_cause)}, ${percent(row.top_cause_probability)}`;

@@ -6,7 +6,7 @@ import { address, el, keepInAddress, section } from "./dom.js";
 import { reportLink } from "./report_link.js";
 import { follow } from "./events.js";
 import { findingsPart } from "./findings.js";
-import { bytes, conclusionWords, counted, featureWords, figure, isFinal, percent, quantity, scaled, spoken, time, unbroken, verdictMark, withDeviation } from "./format.js";
+import { bytes, conclusionBeside, counted, featureWords, figure, isFinal, percent, quantity, scaled, spoken, time, unbroken, verdictMark, withDeviation } from "./format.js";
 import { barRow, gainBars } from "./gain_bar.js";
 import { sessionColumns } from "./list_view.js";
 import { recordingPlots } from "./plots.js";
@@ -151,7 +151,7 @@ function discrepancyPart(analysis, summary, name) {
   if (!found) return section(title, el("p", {}, summary.discrepancy));
   const unit = analysis.baseline.model.output_unit ?? "";
   return section(title,
-    el("p", { class: `conclusion ${found.conclusion}` }, el("strong", {}, conclusionWords(found.conclusion)), " ", summary.discrepancy, " ", summary.fault),
+    el("p", { class: `conclusion ${found.conclusion}` }, el("strong", {}, conclusionBeside(found.conclusion, analysis.classification.verdict)), " ", summary.discrepancy, " ", summary.fault),
     el("div", { class: "columns uneven" },
       el("div", {}, found.causes.map((cause, i) => causePart(cause, summary.causes[i] ?? "", analysis.recordings))),
       found.causes.length ? gainBars(found.gain, unit) : null),

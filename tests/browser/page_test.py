@@ -171,6 +171,12 @@ class Page(unittest.TestCase):
         self.assertIn(["recording", "steps.csv"], cells)
         self.assertIn("in steps.csv", self.browser.text())
 
+    def test_of_a_valve_that_is_not_good_nothing_wrong_is_not_said(self):
+        self.open("/valves", "Test sessions")
+        said = self.browser.run("""import('/web/format.js').then((m) => ['Good', 'Malfunctioned', 'Severe', null].map((verdict) =>
+          [m.conclusionBeside('none', verdict), m.causeCell({ conclusion: 'none', verdict })]))""")
+        self.assertEqual(said, [["Nothing wrong", "none"], ["No cause found", "no cause found"], ["No cause found", "no cause found"], ["Nothing wrong", "none"]])
+
     def test_a_mean_is_written_as_far_as_its_deviation_tells(self):
         self.open("/lots", "2026-W31-B")
         said = self.browser.run("""import('/web/format.js').then((m) =>

@@ -44,6 +44,18 @@ TEST(Sentence, OfANamedCauseSaysWhatIsWrongHowSurelyAndHowMuch) {
             "psi; noise alone is 0.35 psi.");
 }
 
+TEST(Sentence, OfAValveThatIsNotGoodDoesNotSayThatNothingIsWrong) {
+  Analysis analysis = with(Conclusion::kNone);
+  const std::string of_a_good_one = "The simulation leaves nothing that a good valve on this stand would not leave.";
+  EXPECT_EQ(summarise(analysis).discrepancy, of_a_good_one);
+  analysis.classification.verdict = "Good";
+  EXPECT_EQ(summarise(analysis).discrepancy, of_a_good_one);
+  analysis.classification.verdict = "Malfunctioned";
+  const std::string sentence = summarise(analysis).discrepancy;
+  EXPECT_TRUE(sentence.starts_with("No single fault stands out: ")) << sentence;
+  EXPECT_NE(sentence.find("The verdict Malfunctioned rests on the steps"), std::string::npos) << sentence;
+}
+
 TEST(Sentence, LeavesOutWhereALoopHappenedToBegin) {
   NamedCause loop{.cause = "hysteresis", .family = "memory", .origin = "valve", .probability = 0.99};
   for (const char* name : {"width_A", "memory"}) {
