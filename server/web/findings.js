@@ -1,12 +1,12 @@
 // What teardown found in a valve: the list, and the form to enter more.
 import { allCauses, get, post } from "./api.js";
 import { el, field, options } from "./dom.js";
-import { spoken, time } from "./format.js";
+import { foundWords, time } from "./format.js";
 import { table } from "./table.js";
 
 const columns = [
   { title: "When", value: (row) => row.when, show: (row) => time(row.when) },
-  { title: "Found", value: (row) => spoken(row.cause) },
+  { title: "Found", value: (row) => foundWords(row.cause) },
   { title: "By", value: (row) => row.who },
   { title: "Note", value: (row) => row.note },
 ];
@@ -21,7 +21,7 @@ export async function findingsPart(serial, signal) {
   showList(valve.findings);
 
   const cause = options(el("select", { required: true }),
-    [["", "choose"], ["none", "Nothing wrong"], ...causes.map((c) => [c.cause, spoken(c.cause)]), ["other", "Something else"]]);
+    [["", "choose"], ...["none", ...causes.map((c) => c.cause), "other"].map((name) => [name, foundWords(name)])]);
   const who = el("input", { required: true, maxlength: "200", autocomplete: "name" });
   const note = el("textarea", { maxlength: "5000", rows: "2" });
   const status = el("p", { role: "status" });

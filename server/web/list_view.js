@@ -33,10 +33,10 @@ function filterForm(chosen, causes) {
 export const sessionColumns = [
   { title: "Received", value: (row) => row.received_at, show: (row) => time(row.received_at) },
   { title: "Serial", value: (row) => row.serial, show: (row) => el("a", { href: address("valve", row.id) }, row.serial ?? "without serial") },
-  { title: "Lot", value: (row) => row.lot, show: (row) => (row.lot ? el("a", { href: address("lot", row.lot) }, row.lot) : "–") },
-  { title: "Type", value: (row) => row.valve_type },
-  { title: "Stand", value: (row) => row.stand },
-  { title: "Recordings", value: (row) => row.recordings, number: true },
+  { title: "Lot", value: (row) => row.lot, show: (row) => (row.lot ? el("a", { href: address("lot", row.lot) }, row.lot) : "–"), minor: true },
+  { title: "Type", value: (row) => row.valve_type, minor: true },
+  { title: "Stand", value: (row) => row.stand, minor: true },
+  { title: "Recordings", value: (row) => row.recordings, number: true, minor: true },
   { title: "Verdict", value: (row) => (isFinal(row.state) ? row.verdict ?? row.state : row.state), show: verdictCell },
   { title: "What is wrong", value: causeCell, words: true },
 ];

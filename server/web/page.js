@@ -16,7 +16,16 @@ let leaving = new AbortController();
 function readAddress() {
   const [path, query = ""] = location.hash.replace(/^#\/?/, "").split("?");
   const [view, ...argument] = path.split("/");
-  return { view: view || "valves", argument: decodeURIComponent(argument.join("/")), parameters: new URLSearchParams(query) };
+  return { view: view || "valves", argument: decoded(argument.join("/")), parameters: new URLSearchParams(query) };
+}
+
+/// What somebody typed into the address may hold a "%" that means itself.
+function decoded(text) {
+  try {
+    return decodeURIComponent(text);
+  } catch {
+    return text;
+  }
 }
 
 function showNavigation(view) {

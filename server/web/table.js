@@ -9,10 +9,13 @@ function compare(a, b) {
   return typeof a === "number" && typeof b === "number" ? a - b : String(a).localeCompare(String(b), undefined, { numeric: true });
 }
 
+const classOf = (column) => ["number", "words", "minor"].filter((kind) => column[kind]).join(" ") || null;
+
 const FIRST_ROWS = 200; // of a long table, drawn at once; sorting is over all of them
 const MORE_ROWS = 1000;
 
-/// columns  {title, unit, value(row), show(row), number, words}: `value` sorts, `show` (else the value) is shown
+/// columns  {title, unit, value(row), show(row), number, words, minor}: `value` sorts, `show` (else the value) is shown;
+///          a minor one is left out where the window is narrow
 /// options  caption; empty: what stands there without rows; sort: "title" or "-title"; keep: the sort order stands in the
 ///          address; detail(row): class of the row
 export function table(columns, rows, { caption, empty = "Nothing here.", sort = "", keep = false, detail = () => null } = {}) {
@@ -27,7 +30,7 @@ export function table(columns, rows, { caption, empty = "Nothing here.", sort = 
   function headOf(column) {
     const button = el("button", { type: "button", onclick: () => sortBy(order === column.title ? `-${column.title}` : column.title) },
       column.title, column.unit ? el("span", { class: "unit" }, ` ${column.unit}`) : null);
-    return el("th", { scope: "col", class: column.number ? "number" : null }, button);
+    return el("th", { scope: "col", class: classOf(column) }, button);
   }
 
   function fill() {
@@ -43,7 +46,7 @@ export function table(columns, rows, { caption, empty = "Nothing here.", sort = 
       else heads[i].removeAttribute("aria-sort");
     });
     body.replaceChildren(...shown.slice(0, most).map((row) => el("tr", { class: detail(row) },
-      columns.map((c) => el("td", { class: c.number ? "number" : c.words ? "words" : null }, c.show ? c.show(row) : c.value(row) ?? "–")))));
+      columns.map((c) => el("td", { class: classOf(c) }, c.show ? c.show(row) : c.value(row) ?? "–")))));
   }
 
   function showRest() {

@@ -1,11 +1,8 @@
 // The field's confusion table: what was named beside what teardown found.
 import { get } from "./api.js";
 import { address, el, section } from "./dom.js";
-import { conclusionWords, counted, isCause, spoken } from "./format.js";
+import { conclusionWords, counted, foundWords, isCause, spoken } from "./format.js";
 
-const FOUND = new Map([["none", "Nothing wrong"], ["other", "Something else"]]);
-
-const foundName = (name) => FOUND.get(name) ?? spoken(name);
 const namedName = (name) => (name === "not_analysed" ? "Not analysed" : isCause(name) ? spoken(name) : conclusionWords(name));
 
 function cellOf(cell, right) {
@@ -25,7 +22,7 @@ export function confusionTable(items) {
   const isRight = (named, found) => named === found;
   return el("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Confusion table" }, el("table", { class: "confusion" },
     el("caption", {}, "Valves: named (rows) and found in teardown (columns)"),
-    el("thead", {}, el("tr", {}, el("th", { scope: "col" }, "Named"), columns.map((found) => el("th", { scope: "col", class: "number" }, foundName(found))),
+    el("thead", {}, el("tr", {}, el("th", { scope: "col" }, "Named"), columns.map((found) => el("th", { scope: "col", class: "number" }, foundWords(found))),
       el("th", { scope: "col", class: "number" }, "All"))),
     el("tbody", {}, rows.map((named) => el("tr", {}, el("th", { scope: "row" }, namedName(named)),
       columns.map((found) => cellOf(at(named, found), isRight(named, found))), el("td", { class: "number" }, String(count("named", named))))))));

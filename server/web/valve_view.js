@@ -193,6 +193,7 @@ function responsePart(analysis, recording) {
     })) : null);
 }
 
+const WORST_FIT = -1e6; // stands for minus infinity: of an output that does not change there is no fit
 const CLEARLY_MISSED = 1.5; // times the noise: more than good valves differ by
 
 /// The recordings, one of them drawn; the choice and the visible range stand in the address.
@@ -216,7 +217,7 @@ function recordingsPart(submission, analysis, parameters, signal) {
     holder.replaceChildren(
       facts([["Test", summary?.test ?? recording.test], ["Samples", summary ? `${summary.samples} at ${figure(summary.sample_rate_hz, 4)} Hz` : null],
         ["Error of the simulation", numbers ? `${quantity(numbers.rmse, unit)} rms` : null],
-        ["Noise alone", numbers ? `${quantity(numbers.noise_floor, unit)} rms` : null], ["Fit", numbers ? `${figure(numbers.fit_percent, 4)} %` : null]]),
+        ["Noise alone", numbers ? `${quantity(numbers.noise_floor, unit)} rms` : null], ["Fit", numbers && numbers.fit_percent > WORST_FIT ? `${figure(numbers.fit_percent, 4)} %` : null]]),
       plots?.node ?? "", responsePart(analysis, recording) ?? "", summary ? qualityList(summary) : "", downloadLinks(recording, summary?.samples ?? 0, { simulated: Boolean(analysis), extended }));
     plots?.shown();
   }

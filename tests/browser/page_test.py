@@ -177,6 +177,19 @@ class Page(unittest.TestCase):
           [m.conclusionBeside('none', verdict), m.causeCell({ conclusion: 'none', verdict })]))""")
         self.assertEqual(said, [["Nothing wrong", "none"], ["No cause found", "no cause found"], ["No cause found", "no cause found"], ["Nothing wrong", "none"]])
 
+    def test_on_a_telephone_the_list_shows_the_verdict_beside_the_serial(self):
+        self.browser.call("Emulation.setDeviceMetricsOverride", width=390, height=844, deviceScaleFactor=1, mobile=True)
+        self.addCleanup(self.browser.call, "Emulation.clearDeviceMetricsOverride")
+        self.open("/valves", "Test sessions")
+        right = self.browser.run("document.querySelector('td .verdict.good').getBoundingClientRect().right")
+        self.assertLessEqual(right, 390)
+
+    def test_a_percent_sign_in_the_address_means_itself(self):
+        self.browser.open("about:blank")
+        self.browser.open(f"{self.server.url}/#/serial/100%")
+        self.browser.wait_for_text("no recording and no finding names the serial '100%'")
+        self.browser.errors.clear()  # the console notes the 404
+
     def test_a_mean_is_written_as_far_as_its_deviation_tells(self):
         self.open("/lots", "2026-W31-B")
         said = self.browser.run("""import('/web/format.js').then((m) =>
@@ -466,6 +479,9 @@ class Page(unittest.TestCase):
         self.assertIn(HOSTILE, self.browser.run("document.querySelector('table.confusion').textContent"))
         self.assertIsNone(self.browser.run("document.querySelector('main img')"))
         self.picture("teardown")
+        self.browser.call("Emulation.setDeviceMetricsOverride", width=390, height=844, deviceScaleFactor=1, mobile=True)
+        self.addCleanup(self.browser.call, "Emulation.clearDeviceMetricsOverride")
+        self.assertLessEqual(self.browser.run("document.documentElement.scrollWidth"), 390)
 
     def test_two_lots_stand_beside_each_other(self):
         self.open(f"/compare?lot=2026-W31-B&with_lot={urllib.parse.quote(HOSTILE, safe='')}", "Error by level")
