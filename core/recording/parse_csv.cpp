@@ -243,8 +243,11 @@ Result<double> CsvParser::read_number(std::string_view field, std::size_t column
 }
 
 Result<void> CsvParser::read_any_row(std::string_view text) {
-  if (!is_clean_utf8(text)) {
-    return tl::unexpected(row_error("bad_text", 0, text, "UTF-8 text without control characters", "is not UTF-8 text"));
+  if (const std::size_t at = first_unclean(text); at != std::string_view::npos) {
+    const auto before = static_cast<std::size_t>(std::ranges::count(text.substr(0, at), separator_));
+    const std::size_t column = std::min(before, names_.size() - 1);
+    return tl::unexpected(
+        row_error("bad_text", column, text, "UTF-8 text without control characters", unclean_words(text)));
   }
   FieldSplitter fields(text, separator_);
   std::size_t column = 0;
@@ -351,7 +354,7 @@ Result<void> CsvParser::read_header(std::string_view text) {
 
 Result<void> CsvParser::read_head_line(std::string_view text) {
   if (!is_clean_utf8(text)) {
-    Error error{.code = "bad_text", .message = fmt::format("'{}' is not UTF-8 text", shown(text))};
+    Error error{.code = "bad_text", .message = fmt::format("'{}' {}", shown(text), unclean_words(text))};
     error.found = shown(text);
     error.expected = "UTF-8 text without control characters";
     return tl::unexpected(error);

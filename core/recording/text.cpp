@@ -44,13 +44,25 @@ std::string_view trim(std::string_view text) {
   return text.substr(first, text.find_last_not_of(kBlank) - first + 1);
 }
 
-bool is_clean_utf8(std::string_view text) {
+std::size_t first_unclean(std::string_view text) {
   for (std::size_t i = 0; i < text.size();) {
     const std::size_t length = sequence_length(text, i);
-    if (length == 0 || is_control(byte_at(text, i))) return false;
+    if (length == 0 || is_control(byte_at(text, i))) return i;
     i += length;
   }
-  return true;
+  return std::string_view::npos;
+}
+
+bool is_clean_utf8(std::string_view text) {
+  return first_unclean(text) == std::string_view::npos;
+}
+
+std::string_view unclean_words(std::string_view text) {
+  const std::size_t at = first_unclean(text);
+  if (at == std::string_view::npos) return "is clean";
+  if (byte_at(text, at) == '\r') return "has a carriage return inside a line: lines end in LF or CRLF";
+  if (is_control(byte_at(text, at))) return "has a control character";
+  return "is not UTF-8 text: save the file as UTF-8";
 }
 
 std::string shown(std::string_view text) {

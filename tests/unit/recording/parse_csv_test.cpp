@@ -69,6 +69,17 @@ TEST(ParseCsv, TakesASamplingRateWhereThereIsNoTimeColumn) {
   EXPECT_EQ(parse_text(kHeader + good_rows(40), mapping).error().code, "bad_sample_rate");
 }
 
+TEST(ParseCsv, SaysWhatIsNoTextAndWhere) {
+  const std::string head = "time_s,current_A,pressure_psi\n";
+  const auto message = [](const std::string& text) { return parse_text(text).error().message; };
+  EXPECT_NE(message(head + "0,1,2\n0.1,1,\xFF\n").find("line 3, column 3"), std::string::npos);
+  EXPECT_NE(message(head + "0,1,\xFF,,,,\n").find("save the file as UTF-8"), std::string::npos);
+  EXPECT_NE(message(head + "0,1,2,3,4,\xFF\n").find("line 2, column 3"), std::string::npos);
+  EXPECT_NE(message("# serial: S1\r# lot: L\rtime_s,current_A\r0,1\r").find("lines end in LF or CRLF"),
+            std::string::npos);
+  EXPECT_NE(message(head + "0,1," + std::string(1, '\0') + "\n").find("has a control character"), std::string::npos);
+}
+
 TEST(ParseCsv, ToleratesQuotesBlanksBlankLinesPlusSignsAndAMissingLastNewline) {
   std::string text = "\"time_s\" , \"current_A\",pressure_psi\r\n\r\n";
   for (int i = 0; i < 40; ++i) text += fmt::format(" {} ,\"+{}\",  {}e-1\r\n\n", i, i % 5, i);
@@ -114,7 +125,7 @@ INSTANTIATE_TEST_SUITE_P(
                     BadLine{"-1,1,1", "time_not_increasing", 1, "-1"}, BadLine{"0.2,1", "ragged_row", 3, "2 fields"},
                     BadLine{"0.2,1,1,1", "ragged_row", 4, "4 fields"},
                     BadLine{"# note: late", "misplaced_metadata", 1, "# note: late"},
-                    BadLine{"0.2,1,\xFF", "bad_text", 1, "0.2,1,\\xff"},
+                    BadLine{"0.2,1,\xFF", "bad_text", 3, "0.2,1,\\xff"},
                     BadLine{"0.2,1,\"1", "not_a_number", 3, "\"1"}));
 
 TEST(ParseCsv, RefusesANulByteInAColumnThatNobodyReads) {
