@@ -1,4 +1,21 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+
 #include "server/commands/commands.h"
+
+namespace valvetriage {
+namespace {
+
+/// The first word of the call where it is neither an option nor a verb.
+bool is_wrong_verb(const CLI::App& app, const std::string& word) {
+  const auto verbs = app.get_subcommands([](const CLI::App*) { return true; });
+  return !word.starts_with('-') &&
+         std::none_of(verbs.begin(), verbs.end(), [&](const CLI::App* verb) { return verb->get_name() == word; });
+}
+
+}  // namespace
+}  // namespace valvetriage
 
 int main(int argc, char** argv) {
   using namespace valvetriage;
@@ -9,6 +26,10 @@ int main(int argc, char** argv) {
 #define X(verb) add_##verb##_command(app, exit_status);
   VALVETRIAGE_COMMANDS(X)
 #undef X
+  if (argc > 1 && is_wrong_verb(app, argv[1])) {
+    print_error({.code = "unknown_verb", .message = fmt::format("'{}' is no verb; --help lists them", argv[1])});
+    return kBadInput;
+  }
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

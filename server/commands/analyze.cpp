@@ -47,6 +47,11 @@ void append_levels(const Analysis& analysis, const std::string& unit, std::strin
   }
 }
 
+/// Of an output that does not change there is no fit: fit_figures gives −1e6 for minus infinity.
+std::string fit_text(double fit_percent) {
+  return fit_percent <= -1e6 ? "no fit: the output does not change" : fmt::format("fit {:.2f} %", fit_percent);
+}
+
 void append_recordings(const Analysis& analysis, std::string& page) {
   std::vector<std::size_t> by_name(analysis.recordings.size());
   for (std::size_t i = 0; i < by_name.size(); ++i) by_name[i] = i;
@@ -56,9 +61,8 @@ void append_recordings(const Analysis& analysis, std::string& page) {
   for (const std::size_t i : by_name) {
     const RecordingSummary& recording = analysis.recordings[i];
     const RecordingFigures& figures = analysis.simulation.per_recording[i];
-    page += fmt::format("{}: {}, {} samples at {:.6g} Hz, rmse {:.4g}, fit {:.2f} %\n", recording.name,
-                        to_string(recording.test), recording.samples, recording.sample_rate_hz, figures.rmse,
-                        figures.fit_percent);
+    page += fmt::format("{}: {}, {} samples at {:.6g} Hz, rmse {:.4g}, {}\n", recording.name, to_string(recording.test),
+                        recording.samples, recording.sample_rate_hz, figures.rmse, fit_text(figures.fit_percent));
     for (const QualityItem& item : recording.quality) {
       page += fmt::format("  {} ({}): {}\n", item.code, item.count, item.detail);
     }
@@ -131,8 +135,8 @@ std::string page_of(const Analysis& analysis) {
   const std::string& unit = analysis.baseline.model.output_unit;
   std::string page = fmt::format("Verdict     {}\n", verdict_line(analysis.classification));
   page += fmt::format("Baseline    {}: {}\n", to_string(analysis.baseline.kind), analysis.baseline.reason);
-  page += fmt::format("Simulation  rmse {:.4g} {}, noise floor {:.4g} {}, fit {:.2f} %\n", analysis.simulation.rmse,
-                      unit, analysis.simulation.noise_floor, unit, analysis.simulation.fit_percent);
+  page += fmt::format("Simulation  rmse {:.4g} {}, noise floor {:.4g} {}, {}\n", analysis.simulation.rmse, unit,
+                      analysis.simulation.noise_floor, unit, fit_text(analysis.simulation.fit_percent));
   if (analysis.discrepancy) {
     append_discrepancy(*analysis.discrepancy, unit, page);
   } else {

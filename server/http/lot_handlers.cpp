@@ -271,7 +271,7 @@ Result<Response> get_valve(Service& service, Request& request) {
   const auto findings = service.store.findings(*filter.serial);
   if (!findings) return tl::unexpected(findings.error());
   if (submissions->empty() && findings->empty())
-    return fail("not_found", "no recording and no finding names this serial");
+    return fail("not_found", fmt::format("no recording and no finding names the serial '{}'", *filter.serial));
   Json document{{"serial", *filter.serial}, {"submissions", Json::array()}, {"findings", Json::array()}};
   for (const SubmissionRow& row : *submissions) document["submissions"].push_back(view(row));
   for (const FindingRow& row : *findings) document["findings"].push_back(view(row));

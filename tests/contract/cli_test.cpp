@@ -86,7 +86,9 @@ TEST_F(Cli, TellsItsVersion) {
 
 TEST_F(Cli, AWrongCallIsStatus2) {
   EXPECT_EQ(test::valvetriage({}).status, 2);
-  EXPECT_EQ(test::valvetriage({"no-such-verb"}).status, 2);
+  const Outcome wrong = test::valvetriage({"no-such-verb"});
+  EXPECT_EQ(wrong.status, 2);
+  EXPECT_NE(wrong.err.find("'no-such-verb' is no verb"), std::string::npos) << wrong.err;
   EXPECT_EQ(test::valvetriage({"analyze"}).status, 2);
   EXPECT_EQ(test::valvetriage({"simulate", "--no-such-option"}).status, 2);
 }
