@@ -390,15 +390,25 @@ Result<Reference> learn_with(const std::vector<Member>& members, const std::stri
   return reference;
 }
 
+/// Whether two valves have a recording in common, sample for sample.
+bool share_a_recording(const ValveRecordings& a, const ValveRecordings& b) {
+  const auto is_in_b = [&](const Recording& recording) {
+    return std::ranges::any_of(b.recordings,
+                               [&](const Recording& other) { return other.output.values == recording.output.values; });
+  };
+  return std::ranges::any_of(a.recordings, is_in_b);
+}
+
 /// A valve that counts as several makes good valves look more alike than they are, and the next good one is thrown out.
 Result<void> check_distinct(std::span<const ValveRecordings> valves) {
-  std::set<std::string_view> serials;
-  for (const ValveRecordings& valve : valves) {
-    if (serials.insert(valve.serial).second) continue;
-    return fail("repeated_valve",
-                fmt::format("valve {} is there more than once: all recordings of one valve belong together (in one "
-                            "folder, in one submission)",
-                            valve.serial));
+  for (std::size_t i = 0; i < valves.size(); ++i) {
+    for (std::size_t j = 0; j < i; ++j) {
+      if (valves[i].serial != valves[j].serial || !share_a_recording(valves[i], valves[j])) continue;
+      return fail("repeated_valve",
+                  fmt::format("valve {} is there more than once, with the same recording: a copy is no further good "
+                              "valve",
+                              valves[i].serial));
+    }
   }
   return {};
 }

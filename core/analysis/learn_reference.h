@@ -26,7 +26,8 @@ inline constexpr int kFewestReferenceValves = 3;
 /// studentized, at a significance of 0.001 over all valves and figures) is pointed out and left out, as long as three
 /// remain. Level figures of a valve are taken against the mean of the *other* valves, so that they hold for a new one.
 ///
-/// Errors  `too_few_valves`; `repeated_valve` where two have one serial; a valve that cannot be fitted, by its serial
+/// Errors  `too_few_valves`; `repeated_valve` where two of one serial share a recording; a valve that cannot be
+///         fitted, by its serial
 /// Cost    about a second per valve of 24,000 samples
 Result<Reference> learn_reference(std::span<const ValveRecordings> valves, const std::string& valve_type);
 

@@ -125,9 +125,8 @@ void search_free(const ValveFitProblem& problem, Point& point) {
 /// A vector with the last law taken off again.
 JointStart as_start(const ValveFitProblem& with_law, const ValveFitProblem& beside, const VectorXd& v,
                     std::size_t laws) {
-  JointStart start{.baseline = VectorXd::Zero(beside.size()),
-                   .parameters = with_law.law_parameters(v, laws, 0),
-                   .width = 1};
+  JointStart start{
+      .baseline = VectorXd::Zero(beside.size()), .parameters = with_law.law_parameters(v, laws, 0), .width = 1};
   start.baseline.head(beside.shared()) = v.head(beside.shared());
   for (std::size_t r = 0; r < beside.recordings(); ++r) {
     start.baseline.segment(beside.own_at(r), beside.own()) = v.segment(with_law.own_at(r), beside.own());

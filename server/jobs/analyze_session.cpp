@@ -27,22 +27,6 @@ Result<void> check_one_valve(const std::vector<ReadRecording>& recordings) {
   return {};
 }
 
-/// A recording that is there twice would count as two proofs of the same thing, and every interval would be too narrow.
-Result<void> check_no_repeat(const std::vector<ReadRecording>& recordings, const std::vector<std::size_t>& by_hash) {
-  for (std::size_t i = 1; i < by_hash.size(); ++i) {
-    const ReadRecording& before = recordings[by_hash[i - 1]];
-    const ReadRecording& read = recordings[by_hash[i]];
-    if (before.sha256 != read.sha256) continue;
-    Error error{.code = "repeated_recording",
-                .message = fmt::format("holds the same bytes as {}: a recording counts once, leave one of them out",
-                                       before.recording.name == read.recording.name ? "another file of that name"
-                                                                                    : before.recording.name)};
-    error.file = read.recording.name;
-    return tl::unexpected(error);
-  }
-  return {};
-}
-
 /// Good valves of another type say nothing about this one.
 Result<void> check_valve_type(const std::vector<ReadRecording>& recordings, const AnalysisOptions& options) {
   const bool asked = !options.baseline || options.baseline == BaselineKind::kReference;
@@ -89,7 +73,6 @@ Result<SessionAnalysis> analyze_session(std::vector<ReadRecording> recordings, c
   if (auto checked = check_valve_type(recordings, options); !checked) return tl::unexpected(checked.error());
   SessionAnalysis session;
   session.order = order_by_hash(recordings);
-  if (auto checked = check_no_repeat(recordings, session.order); !checked) return tl::unexpected(checked.error());
   std::vector<Recording> ordered;
   for (const std::size_t place : session.order) ordered.push_back(std::move(recordings[place].recording));
 

@@ -19,8 +19,7 @@ struct SessionAnalysis {
 /// Analyses one valve's recordings together, in the order of their hashes, so that the order of files does not matter.
 ///
 /// mapping  how the recordings were read: part of the settings, like options, rule base and reference
-/// Errors   `no_recordings`; `several_valves` where the serials differ; `repeated_recording` where two hold the same
-/// bytes;
+/// Errors   `no_recordings`; `several_valves` where the serials differ;
 ///          `contradicting_metadata` where a valve is of another type than the reference it would be compared with;
 ///          those of `analyze`
 Result<SessionAnalysis> analyze_session(std::vector<ReadRecording> recordings, const AnalysisOptions& options,

@@ -179,16 +179,6 @@ TEST_F(Cli, TwoValvesAreNotAnalysedTogether) {
   EXPECT_NE(outcome.err.find("EFC-1"), std::string::npos) << outcome.err;
 }
 
-TEST_F(Cli, ARecordingGivenTwiceIsAnErrorThatNamesBoth) {
-  const std::string first = recordings("valve").front();
-  std::filesystem::copy_file(first, file("copy of it.csv"));
-  const Outcome outcome = test::valvetriage(analyze_arguments({file("copy of it.csv")}));
-  EXPECT_EQ(outcome.status, 2);
-  EXPECT_NE(outcome.err.find("copy of it.csv"), std::string::npos) << outcome.err;
-  EXPECT_NE(outcome.err.find(std::filesystem::path(first).filename().string()), std::string::npos) << outcome.err;
-  EXPECT_EQ(test::valvetriage(analyze_arguments({first})).status, 2);
-}
-
 TEST_F(Cli, AValveIsNotComparedWithGoodOnesOfAnotherType) {
   const std::string valve = recordings("valve").front();
   std::string text = text_of(valve);
