@@ -7,6 +7,7 @@
 
 #include "core/discrepancy/machine_conclusion.h"
 #include "core/discrepancy/machine_feedback.h"
+#include "core/discrepancy/machine_report.h"
 #include "core/recording/prepare.h"
 #include "core/residual/fit_figures.h"
 #include "tests/unit/discrepancy/machines.h"
@@ -587,6 +588,29 @@ TEST(MachineConclusion, AnEntryThatIsNotCertainHasARival) {
     }
     EXPECT_TRUE(probability >= 0.95 || !verdict.alternatives[i].empty()) << verdict.winner->causes[i];
   }
+}
+
+TEST(MachineFit, FrictionOfAMassThatNeverRestsIsCertainByWhatIsFeltInMotion) {
+  // A push that never turns: breakaway has no effect on the run, and no size of its own.
+  MachineData data;
+  data.period_s = 0.02;
+  data.records.resize(1);
+  MachineRecord& record = data.records[0];
+  record.input = each(multisine(500, 8, 83), [](double u) { return 20 + u; });
+  MachineFit fit;
+  fit.machine.sample_period_s = data.period_s;
+  fit.machine.blocks = {{.law = MachineLaw::kMotion, .parameters = {1, 0, 0, 0, 2.5, 1.5, 1.8, 0}}};
+  for (const std::size_t index : {5, 6}) fit.free.push_back({.index = index, .lower = 0});
+  fit.starts = {{0, 5}};
+  record.output = run_machine(fit.machine, {}, fit.starts[0], record.input);
+  Noise noise(84);
+  for (std::size_t t = 0; t < record.output.size(); ++t) {
+    record.output[t] += 1e-3 * noise.normal();
+    record.valid.push_back(t);
+  }
+  EXPECT_TRUE(have_certain_sizes({"friction"}, data, fit));
+  fit.machine.blocks[0].parameters[5] = 0;
+  EXPECT_FALSE(have_certain_sizes({"friction"}, data, fit));
 }
 
 TEST(MachineFit, AModeSlowerThanTheRecordHasNoGainThatTheRecordShows) {
