@@ -8,6 +8,7 @@
 
 #include "core/discrepancy/machine_leftover.h"
 #include "core/discrepancy/machine_report.h"
+#include "core/mechanisms/mechanism.h"
 
 namespace valvetriage {
 namespace {
@@ -23,6 +24,7 @@ constexpr double kPooledGain = 1.5;
 constexpr double kOverLinearWhitened = 1.1;  // of what a linear machine with more freedom gains at most in slow noise
 constexpr double kAddedShare = 0.1;          // of the squared error that a second cause takes away
 constexpr double kBeyondDoubt = 2;           // times closer: no consistency over blocks is asked for
+constexpr double kFarBeyondDoubt = 10;       // times closer: less than a hundredth of the squares is left
 constexpr double kConsistent = 0.1;
 constexpr double kNearFloor = 2;  // noise floors that a confident name may leave without a wider margin
 constexpr double kConfident = 0.01;
@@ -350,25 +352,48 @@ bool is_beyond_doubt(const MachineSearch& search, const MachineData& data, const
   if (best.rms() > kAboveFloors * noise_rms && !has_true_stops(data, best.fit)) return false;
   if (best.rms() > kAboveFloors * noise_rms && mends_the_first(search, best, noise_rms)) return false;
   if (best.rms() <= kNearFloor * noise_rms) return true;
-  // Damping of any kind looks like a memory, and most kinds have no name.
+  // Damping of any kind looks like a memory, and most kinds have no name: but none so much that the memory takes nearly
+  // all of what it leaves.
   const auto remembers = [](const std::string& cause) { return family_of(cause) == "memory"; };
-  if (std::any_of(best.causes.begin(), best.causes.end(), remembers)) return false;
-  if (search.black_box_rms < kBeyondDoubt * best.rms()) return false;
+  const bool memory = std::any_of(best.causes.begin(), best.causes.end(), remembers);
+  const double closer = memory ? kFarBeyondDoubt : kBeyondDoubt;
+  if (memory && search.linear.rms() < closer * best.rms()) return false;
+  if (search.black_box_rms < closer * best.rms()) return false;
   return std::all_of(search.scores.begin(), search.scores.end(), [&](const MachineScore& rival) {
     if (!rival.held_out || contains(rival, best) || family_set(rival) == family_set(best)) return true;
     if (is_degenerate(rival) || !has_effect(rival, data, search.ground)) return true;
-    return rival.rms() >= kBeyondDoubt * best.rms();
+    return rival.rms() >= closer * best.rms();
   });
 }
 
-/// The closest single cause that is not one of the winner's own; empty where none was held out.
-std::string next_best(const MachineSearch& search, const MachineData& data, const MachineScore& best) {
+/// Single causes that are not among the winner's own.
+std::vector<const MachineScore*> singles_beside(const MachineSearch& search, const MachineScore& best) {
+  std::vector<const MachineScore*> singles;
   for (const MachineScore& rival : search.scores) {
-    if (!rival.held_out || rival.causes.size() != 1 || is_degenerate(rival)) continue;
+    if (rival.causes.size() != 1) continue;
     const bool own = std::find(best.causes.begin(), best.causes.end(), rival.causes[0]) != best.causes.end();
-    if (!own && has_effect(rival, data, search.ground)) return rival.causes[0];
+    if (!own) singles.push_back(&rival);
   }
-  return {};
+  return singles;
+}
+
+/// What to doubt in the last of the winner's causes where nothing stands beside it: the closest other cause, as long as
+/// it can be said to be close. Else nothing that was tried comes near, and what can look like that cause in a recording
+/// is its rival, the closest of these first. Empty where no other cause was held out.
+std::string rival_of(const MachineSearch& search, const MachineData& data, const MachineScore& best) {
+  const auto singles = singles_beside(search, best);
+  const auto next = std::find_if(singles.begin(), singles.end(), [&](const MachineScore* rival) {
+    return rival->held_out && !is_degenerate(*rival) && has_effect(*rival, data, search.ground);
+  });
+  if (next == singles.end()) return {};
+  if ((*next)->rms() < kBeyondDoubt * best.rms()) return (*next)->causes[0];
+  const Mechanism* law = find_mechanism(best.causes.back());
+  const auto looks_alike = [&](const MachineScore* rival) {
+    return law && std::find(law->confused_with.begin(), law->confused_with.end(), rival->causes[0]) !=
+                      law->confused_with.end();
+  };
+  const auto alike = std::find_if(singles.begin(), singles.end(), looks_alike);
+  return (alike == singles.end() ? *next : *alike)->causes[0];
 }
 
 /// Whether what the linear machine leaves, far above the noise, answers the input though no law says how: a gain or a
@@ -449,9 +474,9 @@ MachineVerdict conclude(const MachineSearch& search, const MachineData& data, do
   verdict.conclusion = Conclusion::kNamed;
   if (!settled) verdict.conclusion = Conclusion::kAmbiguous;
   if (settled && (feedback || own->probability < 0.95 || !is_beyond_doubt(search, data, *best, noise_rms, verdict))) {
-    // Nothing stands beside it and yet it is not sure: the next best single cause is its rival. Without one it is
-    // structure that no law accounts for.
-    const std::string rival = next_best(search, data, *best);
+    // Nothing stands beside it and yet it is not sure: it is given a rival. Without one it is structure that no law
+    // accounts for.
+    const std::string rival = rival_of(search, data, *best);
     if (rival.empty()) {
       decline(verdict, true);
       verdict.candidates = weigh(search, best, {}, verdict.conclusion);

@@ -516,6 +516,22 @@ TEST(MachineConclusion, AMemoryThatLeavesMoreThanTwiceTheNoiseIsNotCertain) {
   EXPECT_EQ(conclude(search, MachineData{}, 0.2, false).conclusion, Conclusion::kNamed);
 }
 
+TEST(MachineConclusion, AMemoryThatTakesNearlyAllThatTheLinearMachineLeavesIsCertainAboveTheNoise) {
+  const auto search = searched({scored({"friction"}, std::vector<double>(12, 0.05), 73),
+                                scored({"saturation"}, std::vector<double>(12, 0.9), 74)});
+  EXPECT_EQ(conclude(search, MachineData{}, 0.01, false).conclusion, Conclusion::kNamed);
+}
+
+TEST(MachineConclusion, WhatIsNowhereNearIsNoRivalAndWhatLooksAlikeIs) {
+  // A stop that is as far off as the linear machine says nothing against friction; lost motion looks like it.
+  const auto search = searched({scored({"friction"}, std::vector<double>(12, 0.25), 75),
+                                scored({"saturation"}, std::vector<double>(12, 0.9), 76),
+                                scored({"backlash"}, std::vector<double>(12, 0.95), 77)});
+  const MachineVerdict verdict = conclude(search, MachineData{}, 0.1, false);
+  ASSERT_EQ(verdict.conclusion, Conclusion::kAmbiguous);
+  EXPECT_EQ(verdict.alternatives.front(), std::vector<std::string>{"backlash"});
+}
+
 /// One held-out law of the restoring force that is six times closer than the linear machine.
 MachineSearch bent(MachineBlock block) {
   block.sections = {{.order = 2, .e = 0.1, .f = 0.1}};
