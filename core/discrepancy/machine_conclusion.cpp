@@ -96,8 +96,10 @@ bool wins_where_it_acts(const MachineScore& pair, const MachineScore& single) {
   return taken - added > (1 - 1 / (kPooledGain * kPooledGain)) * before && added < kAddedShare * taken;
 }
 
-/// Whether a pair earns its second cause beside the best single.
+/// Whether a pair earns its second cause beside the best single. Where the single leaves no more than the noise, there
+/// is nothing to earn.
 bool pays(const MachineScore& pair, const MachineScore& single, double floor) {
+  if (single.rms() <= floor) return false;
   const double left = std::max(std::exp(2 * single.mean) - floor * floor, 1e-18);
   const double removed = std::exp(2 * single.mean) - std::exp(2 * pair.mean);
   const bool most_blocks =
@@ -129,7 +131,10 @@ const MachineScore* best_of(const MachineSearch& search, const MachineData& data
     if (!any || score.mean < any->mean) any = &score;
     if (!beats_linear(score, search.linear, margin)) continue;
     const MachineScore*& best = score.causes.size() > 1 ? pair : single;
-    if (!best || score.mean < best->mean) best = &score;
+    if (best && score.mean >= best->mean) continue;
+    // What one of two laws adds without a size of its own is a better place of the other one, or chance.
+    if (score.causes.size() > 1 && !have_certain_sizes(score.causes, data, score.fit)) continue;
+    best = &score;
   }
   if (!pair || !single) return pair ? pair : (single ? single : any);
   return pays(*pair, *single, floor) ? pair : single;
@@ -188,6 +193,10 @@ std::vector<std::vector<std::string>> alternatives_of(const MachineSearch& searc
     for (const char* cause : {"hysteresis", "backlash", "friction", "extra_lag"}) offer(i, cause);
   }
   return alternatives;
+}
+
+bool is_settled(const std::vector<std::vector<std::string>>& alternatives) {
+  return std::all_of(alternatives.begin(), alternatives.end(), [](const auto& list) { return list.empty(); });
 }
 
 Candidate row(const std::string& cause, double rms) {
@@ -328,17 +337,23 @@ void add_untested(const MachineSearch& search, const MachineData& data, MachineV
   drift->reason = "the linear machine has a mode slower than the recording, whose start follows a drift";
 }
 
+/// The closest single cause out of those of a pair; null where none was held out.
+const MachineScore* first_of(const MachineSearch& search, const MachineScore& pair) {
+  const MachineScore* first = nullptr;
+  for (const MachineScore& score : search.scores) {
+    if (!score.held_out || score.causes.size() != 1 || !contains(pair, score)) continue;
+    if (!first || score.rms() < first->rms()) first = &score;
+  }
+  return first;
+}
+
 /// Whether the second of two causes leaves so much of what the first one leaves that it may be no cause, only what the
 /// first law gets wrong.
 bool mends_the_first(const MachineSearch& search, const MachineScore& best, double noise_rms) {
   constexpr double kMostLeft = 0.25;  // of the squares above the noise
-  if (best.causes.size() < 2) return false;
-  double single = std::numeric_limits<double>::infinity();
-  for (const MachineScore& score : search.scores) {
-    if (score.held_out && score.causes.size() == 1 && contains(best, score)) single = std::min(single, score.rms());
-  }
+  const MachineScore* first = best.causes.size() < 2 ? nullptr : first_of(search, best);
   const auto above = [&](double rms) { return rms * rms - noise_rms * noise_rms; };
-  return std::isfinite(single) && above(best.rms()) > kMostLeft * above(single);
+  return first && above(best.rms()) > kMostLeft * above(first->rms());
 }
 
 /// What a name needs beside its margins before it is given with confidence: evidence that chance gives once in a
@@ -421,17 +436,12 @@ void decline(MachineVerdict& verdict, bool structure) {
   verdict.conclusion = structure ? Conclusion::kUnexplained : Conclusion::kNone;
 }
 
-}  // namespace
-
-MachineVerdict conclude(const MachineSearch& search, const MachineData& data, double noise_rms, bool feedback) {
+/// What can be said with this explanation as the best.
+MachineVerdict conclude_with(const MachineScore* best, const MachineSearch& search, const MachineData& data,
+                             double noise_rms, bool feedback, const Margin& margin) {
   MachineVerdict verdict;
   const double linear = search.linear.rms();
   const bool above_floor = linear > kAboveFloors * noise_rms;
-  // A law that gains its margin leaves the linear machine that far above the noise; where it is no farther, chance must
-  // be ruled out more clearly.
-  const Margin margin{.gain = feedback ? kOverLinearOfFeedback : kOverLinear,
-                      .significant = above_floor ? kSignificant : kConfident};
-  const MachineScore* best = best_of(search, data, noise_rms, margin);
   bool supported = best && beats_linear(*best, search.linear, margin);
   if (best) verdict.p_value = compare_blocks(best->log_rms, search.linear.log_rms).p_value;
   const double explained = supported ? best->rms() : linear;
@@ -467,8 +477,7 @@ MachineVerdict conclude(const MachineSearch& search, const MachineData& data, do
     }
   }
   verdict.candidates = weigh(search, best, verdict.alternatives, Conclusion::kNamed);
-  const bool settled = std::all_of(verdict.alternatives.begin(), verdict.alternatives.end(),
-                                   [](const auto& list) { return list.empty(); });
+  const bool settled = is_settled(verdict.alternatives);
   const auto own = std::find_if(verdict.candidates.begin(), verdict.candidates.end(),
                                 [&](const Candidate& c) { return c.cause == best->name(); });
   verdict.conclusion = Conclusion::kNamed;
@@ -490,6 +499,24 @@ MachineVerdict conclude(const MachineSearch& search, const MachineData& data, do
   if (verdict.conclusion == Conclusion::kAmbiguous) add_runners_up(verdict);
   add_untested(search, data, verdict);
   return verdict;
+}
+
+}  // namespace
+
+MachineVerdict conclude(const MachineSearch& search, const MachineData& data, double noise_rms, bool feedback) {
+  // A law that gains its margin leaves the linear machine that far above the noise; where it is no farther, chance must
+  // be ruled out more clearly.
+  const bool above_floor = search.linear.rms() > kAboveFloors * noise_rms;
+  const Margin margin{.gain = feedback ? kOverLinearOfFeedback : kOverLinear,
+                      .significant = above_floor ? kSignificant : kConfident};
+  const MachineScore* best = best_of(search, data, noise_rms, margin);
+  MachineVerdict verdict = conclude_with(best, search, data, noise_rms, feedback, margin);
+  if (verdict.conclusion != Conclusion::kAmbiguous || !mends_the_first(search, *best, noise_rms)) return verdict;
+  if (!is_settled(alternatives_of(search, data, *best))) return verdict;
+  // Nothing stands in the second cause's place, and yet it may be no cause: where the first is certain without it, that
+  // one is what there is to say.
+  MachineVerdict alone = conclude_with(first_of(search, *best), search, data, noise_rms, feedback, margin);
+  return alone.conclusion == Conclusion::kNamed ? alone : verdict;
 }
 
 }  // namespace valvetriage

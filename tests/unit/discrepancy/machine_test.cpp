@@ -532,6 +532,24 @@ TEST(MachineConclusion, WhatIsNowhereNearIsNoRivalAndWhatLooksAlikeIs) {
   EXPECT_EQ(verdict.alternatives.front(), std::vector<std::string>{"backlash"});
 }
 
+TEST(MachineConclusion, ACauseThatIsCertainAloneIsNamedWithoutADoubtfulSecond) {
+  // Noise of 0.01: the drift takes half of what friction leaves, and may be what friction's law gets wrong.
+  const auto search = searched({scored({"friction", "sensor_drift"}, std::vector<double>(12, 0.035), 78),
+                                scored({"friction"}, std::vector<double>(12, 0.05), 79),
+                                scored({"saturation"}, std::vector<double>(12, 0.9), 80)});
+  const MachineVerdict verdict = conclude(search, MachineData{}, 0.01, false);
+  EXPECT_EQ(verdict.conclusion, Conclusion::kNamed);
+  EXPECT_EQ(verdict.winner->name(), "friction");
+}
+
+TEST(MachineConclusion, NothingIsAddedToACauseThatLeavesNoMoreThanTheNoise) {
+  const auto search = searched({scored({"hysteresis", "stiffening_spring"}, std::vector<double>(12, 0.07), 81),
+                                scored({"stiffening_spring"}, std::vector<double>(12, 0.09), 82)});
+  const MachineVerdict verdict = conclude(search, MachineData{}, 0.1, false);
+  EXPECT_EQ(verdict.conclusion, Conclusion::kNamed);
+  EXPECT_EQ(verdict.winner->name(), "stiffening_spring");
+}
+
 /// One held-out law of the restoring force that is six times closer than the linear machine.
 MachineSearch bent(MachineBlock block) {
   block.sections = {{.order = 2, .e = 0.1, .f = 0.1}};
