@@ -206,7 +206,7 @@ Candidate row(const std::string& cause, double rms) {
 /// Every explanation once, with a weight by its held-out error; probabilities sum to 1. Where nothing was added, what
 /// is concluded about the linear machine outweighs the rest: a black box closer on the mean, but on too few blocks,
 /// does not outweigh `none`; structure without a name is `unknown`, however far a black box is from it.
-std::vector<Candidate> weigh(const MachineSearch& search, const MachineScore* winner,
+std::vector<Candidate> weigh(const MachineSearch& search, const MachineData& data, const MachineScore* winner,
                              const std::vector<std::vector<std::string>>& alternatives, Conclusion conclusion) {
   constexpr double kDecided = 20, kUndecided = 0.5;
   const bool supported = conclusion == Conclusion::kNamed || conclusion == Conclusion::kAmbiguous;
@@ -222,6 +222,7 @@ std::vector<Candidate> weigh(const MachineSearch& search, const MachineScore* wi
   };
   const auto weight = [&](double mean) { return std::min(1.0, std::exp(-kSteepness * (mean - reference))); };
   const double none_bonus = std::log(kOverLinear / kOverNextFamily);
+  double nameless = 0;  // of a law without the effect of its name: structure, and close
   for (const MachineScore& score : search.scores) {
     Candidate candidate =
         row(score.name(), score.held_out ? held_out_rms(score) : std::numeric_limits<double>::quiet_NaN());
@@ -230,6 +231,10 @@ std::vector<Candidate> weigh(const MachineSearch& search, const MachineScore* wi
     if (&score != winner && winner && supported && excluded(score, *winner)) w = std::min(w, kExcludedWeight);
     if (is_degenerate(score)) {
       candidate.reason = "fits as the simpler law that it contains";
+      w = std::min(w, kExcludedWeight);
+    } else if (&score != winner && score.held_out && !has_effect(score, data, search.ground)) {
+      candidate.reason = "its fit has none of the effect that its name says";
+      if (w > kExcludedWeight) nameless = std::max(nameless, w);
       w = std::min(w, kExcludedWeight);
     }
     if (!supported) w = std::min(w, 0.02);
@@ -244,6 +249,7 @@ std::vector<Candidate> weigh(const MachineSearch& search, const MachineScore* wi
     unknown_weight = std::exp(kSteepness * (search.linear.mean - std::log(kOverLinear) - unknown));
     unknown_weight = std::min(unknown_weight, kUndecided);
   }
+  if (supported) unknown_weight = std::max(unknown_weight, nameless);
   if (conclusion == Conclusion::kUnexplained) unknown_weight = kDecided;
   add(std::move(black_box), unknown_weight);
   for (const auto& list : alternatives) {
@@ -461,7 +467,7 @@ MachineVerdict conclude_with(const MachineScore* best, const MachineSearch& sear
     decline(verdict, above_floor &&
                          (black_box_wins || law_wins || bends_without_a_name(search, data, margin, nullptr) ||
                           is_far_from_a_law(search) || (!feedback && answers_without_a_law(search, data, noise_rms))));
-    verdict.candidates = weigh(search, best, {}, verdict.conclusion);
+    verdict.candidates = weigh(search, data, best, {}, verdict.conclusion);
     add_untested(search, data, verdict);
     return verdict;
   }
@@ -476,7 +482,7 @@ MachineVerdict conclude_with(const MachineScore* best, const MachineSearch& sear
       }
     }
   }
-  verdict.candidates = weigh(search, best, verdict.alternatives, Conclusion::kNamed);
+  verdict.candidates = weigh(search, data, best, verdict.alternatives, Conclusion::kNamed);
   const bool settled = is_settled(verdict.alternatives);
   const auto own = std::find_if(verdict.candidates.begin(), verdict.candidates.end(),
                                 [&](const Candidate& c) { return c.cause == best->name(); });
@@ -488,12 +494,12 @@ MachineVerdict conclude_with(const MachineScore* best, const MachineSearch& sear
     const std::string rival = rival_of(search, data, *best);
     if (rival.empty()) {
       decline(verdict, true);
-      verdict.candidates = weigh(search, best, {}, verdict.conclusion);
+      verdict.candidates = weigh(search, data, best, {}, verdict.conclusion);
       add_untested(search, data, verdict);
       return verdict;
     }
     verdict.alternatives.back().push_back(rival);
-    verdict.candidates = weigh(search, best, verdict.alternatives, Conclusion::kNamed);
+    verdict.candidates = weigh(search, data, best, verdict.alternatives, Conclusion::kNamed);
     verdict.conclusion = Conclusion::kAmbiguous;
   }
   if (verdict.conclusion == Conclusion::kAmbiguous) add_runners_up(verdict);

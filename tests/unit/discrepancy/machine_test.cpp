@@ -666,6 +666,22 @@ TEST(MachineConclusion, ALoopWhoseWayBackIsItsWayThereIsNoHysteresis) {
   EXPECT_EQ(verdict.winner, nullptr);
 }
 
+TEST(MachineConclusion, WhatACloserLawWithoutItsEffectShowsIsUnknown) {
+  // A loop whose way back is its way there is closer than friction: structure, but none that has a name.
+  auto search = bent({.law = MachineLaw::kRestoringLoop, .parameters = {0.001, 0.98}, .feedback = {-0.5, 0}});
+  search.scores.push_back(scored({"friction"}, std::vector<double>(12, 0.25), 85));
+  search.scores.push_back(scored({"backlash"}, std::vector<double>(12, 0.7), 86));
+  const MachineVerdict verdict = conclude(search, MachineData{}, 0.1, false);
+  ASSERT_EQ(verdict.conclusion, Conclusion::kAmbiguous);
+  const auto probability = [&](const char* cause) {
+    return std::find_if(verdict.candidates.begin(), verdict.candidates.end(),
+                        [&](const Candidate& c) { return c.cause == cause; })
+        ->probability;
+  };
+  EXPECT_GT(probability("unknown"), 0.2);
+  EXPECT_LT(probability("law"), 0.02);
+}
+
 TEST(Machine, EqualRecordingsGiveEqualAnswers) {
   const auto u = random_command(400, 25, 23);
   const Recording measured = recording(u, lag(play(u, 0.6), 0.1, kPeriod_s), kPeriod_s, kNoise, 24);
