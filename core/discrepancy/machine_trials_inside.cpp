@@ -11,7 +11,7 @@ namespace {
 using Field = MachineField;
 
 constexpr int kMostSandwichOrder = 6;
-constexpr int kMostSplits = 6;
+constexpr std::size_t kMostSplits = 14;  // all of four parts: nothing says which side of a law a mode is on
 
 FreeParameter parameter(std::size_t block, std::size_t index, double lower, double upper, bool logarithmic = false) {
   return {block, Field::kParameter, index, logarithmic, lower, upper};
@@ -22,7 +22,7 @@ double gain_at_rest(const MachineBlock& block) {
 }
 
 /// Ways to give some of the sections to the first block and the rest to the second; halves of a section of real poles
-/// count as sections.
+/// count as sections. The most even first.
 std::vector<std::pair<std::vector<Section>, std::vector<Section>>> splits(const std::vector<Section>& sections) {
   std::vector<std::vector<std::complex<double>>> parts;
   for (const Section& section : sections) {
@@ -36,7 +36,19 @@ std::vector<std::pair<std::vector<Section>, std::vector<Section>>> splits(const 
   }
   std::vector<std::pair<std::vector<Section>, std::vector<Section>>> all;
   const SectionLimits free_range(1'000'000'000);
-  for (unsigned mask = 1; mask + 1 < (1U << parts.size()) && all.size() < kMostSplits; ++mask) {
+  std::vector<unsigned> masks;
+  for (unsigned mask = 1; mask + 1 < (1U << parts.size()); ++mask) masks.push_back(mask);
+  const auto imbalance = [&](unsigned mask) {
+    int difference = 0;
+    for (std::size_t i = 0; i < parts.size(); ++i) {
+      const int poles = static_cast<int>(parts[i].size());
+      difference += (mask >> i & 1U) != 0 ? poles : -poles;
+    }
+    return std::abs(difference);
+  };
+  std::stable_sort(masks.begin(), masks.end(), [&](unsigned a, unsigned b) { return imbalance(a) < imbalance(b); });
+  if (masks.size() > kMostSplits) masks.resize(kMostSplits);
+  for (const unsigned mask : masks) {
     std::vector<std::complex<double>> first, second;
     for (std::size_t i = 0; i < parts.size(); ++i) {
       auto& side = (mask >> i & 1U) != 0 ? first : second;

@@ -647,6 +647,29 @@ TEST(MachineFit, FrictionOfAMassThatNeverRestsIsCertainByWhatIsFeltInMotion) {
   EXPECT_FALSE(have_certain_sizes({"friction"}, data, fit));
 }
 
+TEST(MachineTrials, ALawBetweenTwoFiltersMayHaveAnyModeAndAnyLagOnEitherSide) {
+  MachineGround ground;
+  ground.input_low = ground.output_low = -1;
+  ground.input_high = ground.output_high = 1;
+  ground.chosen_order = 6;
+  MachineBlock block;
+  block.sections = {{.order = 2, .e = 0.1, .f = 0.05},
+                    {.order = 2, .e = 0.1, .f = 0.2},
+                    {.order = 1, .f = 0.1},
+                    {.order = 1, .f = 0.3}};
+  block.numerator = {1, 0, 0, 0, 0, 0, 0};
+  LinearMachine linear{.order = 6};
+  linear.fit.machine.blocks = {block};
+  linear.fit.machine.sample_period_s = 0.02;
+  ground.linear = {linear};
+  for (const MachineTrial& trial : sandwich_trials(ground)) {
+    const auto even = std::count_if(trial.starts.begin(), trial.starts.end(), [](const MachineFit& start) {
+      return order_of(start.machine.blocks.front().sections) == 3;
+    });
+    EXPECT_EQ(even, 4) << trial.causes.front();
+  }
+}
+
 TEST(MachineFit, AModeSlowerThanTheRecordHasNoGainThatTheRecordShows) {
   MachineData data;
   data.records.resize(1);
