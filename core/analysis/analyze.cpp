@@ -195,6 +195,11 @@ Result<FreeRuns> run_fitted(std::span<const Recording> recordings, Analysis& ana
   return runs;
 }
 
+bool any_valid(const Recording& recording) {
+  return recording.valid.empty() ||
+         std::any_of(recording.valid.begin(), recording.valid.end(), [](auto valid) { return valid != 0; });
+}
+
 Simulation figures_of(std::span<const Recording> recordings, const FreeRuns& runs) {
   constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
   Simulation simulation{.rmse = kUnknown, .fit_percent = kUnknown};
@@ -205,6 +210,10 @@ Simulation figures_of(std::span<const Recording> recordings, const FreeRuns& run
     const Recording& recording = recordings[r];
     RecordingFigures figures{
         .name = recording.name, .rmse = kUnknown, .fit_percent = kUnknown, .noise_floor = noise_floor(recording).rms};
+    if (!any_valid(recording)) {
+      simulation.per_recording.push_back(std::move(figures));
+      continue;
+    }
     noise_squares += figures.noise_floor * figures.noise_floor * static_cast<double>(recording.samples());
     samples += static_cast<double>(recording.samples());
     if (!runs.unstable) {
@@ -282,12 +291,40 @@ double current_scale_of(std::span<const Recording> recordings, const Baseline& b
   return span.high_a > span.low_a ? span.current_scale() : 1;
 }
 
+/// What says of a recording that its gauge shows one value throughout; null where it does not.
+const QualityItem* one_value(const Recording& recording) {
+  const auto item = std::ranges::find_if(recording.quality, [&](const QualityItem& candidate) {
+    return candidate.code == "stuck" && candidate.count == recording.samples();
+  });
+  return item == recording.quality.end() ? nullptr : &*item;
+}
+
+/// Where the gauge is dead while that of other recordings of the valve has noise, no sample says anything about the
+/// valve: none is valid. Where all of them show one value, a valve that does not follow looks the same.
+std::vector<Recording> without_dead_gauges(std::span<const Recording> recordings) {
+  std::vector<Recording> live(recordings.begin(), recordings.end());
+  const bool any_live = std::ranges::any_of(
+      live, [](const Recording& recording) { return !one_value(recording) && noise_floor(recording).rms > 0; });
+  if (!any_live) return live;
+  for (Recording& recording : live) {
+    const QualityItem* item = one_value(recording);
+    if (!item) continue;
+    recording.valid.assign(recording.samples(), 0);
+    recording.quality[static_cast<std::size_t>(item - recording.quality.data())].detail = fmt::format(
+        "{} is exactly {:.6g} {} throughout, while the gauge of other recordings has noise: gauge or cable was "
+        "dead, the recording is left out of verdict and naming",
+        recording.output.quantity, recording.output.values.front(), recording.output.unit);
+  }
+  return live;
+}
+
 std::vector<LevelFigures> figures_by_level(std::span<const Recording> recordings, const FreeRuns& runs,
                                            const Baseline& baseline, const Eq20Window& window) {
   std::vector<LevelAverage> levels;
   const double scale = current_scale_of(recordings, baseline);
   for (std::size_t r = 0; r < recordings.size(); ++r) {
     const Recording& recording = recordings[r];
+    if (!any_valid(recording)) continue;
     const auto steps = rising_steps(recording, r);
     if (steps.empty()) continue;
     const double noise = noise_floor(recording).rms;
@@ -370,8 +407,9 @@ void diagnose_self(std::span<const Recording> recordings, Analysis& analysis) {
 
 }  // namespace
 
-Result<Analysis> analyze(std::span<const Recording> recordings, const AnalysisOptions& options) {
-  if (recordings.empty()) return fail("no_recordings", "there is nothing to analyse: no recording was given");
+Result<Analysis> analyze(std::span<const Recording> given, const AnalysisOptions& options) {
+  if (given.empty()) return fail("no_recordings", "there is nothing to analyse: no recording was given");
+  const std::vector<Recording> recordings = without_dead_gauges(given);
   Analysis analysis;
   for (const Recording& recording : recordings) {
     analysis.recordings.push_back({.name = recording.name,

@@ -255,6 +255,35 @@ TEST(Analyze, AMomentWithinTheReferenceIsNoGoodValveEither) {
       << analysis.classification.explanation;
 }
 
+/// The gauge shows what it last showed from the first sample on.
+void freeze(Recording& recording) {
+  recording.output.values.assign(recording.samples(), recording.output.values.back());
+  recording.quality.push_back({"stuck", "one value throughout", recording.samples()});
+}
+
+TEST(Analyze, ARecordingWithADeadGaugeIsLeftOutAmongLiveOnes) {
+  const auto live = test::session({}, kNoise_psi, 900);
+  for (std::size_t r = 0; r < live.size(); ++r) {
+    auto recordings = live;
+    freeze(recordings[r]);
+    const auto analysis = analysed(recordings, {.reference = reference(), .rule_base = rule_base()});
+    EXPECT_NE(analysis.classification.verdict, "Severe") << r;
+    EXPECT_NE(analysis.classification.verdict, "Malfunctioned") << r;
+    ASSERT_TRUE(analysis.discrepancy);
+    EXPECT_EQ(analysis.discrepancy->conclusion, Conclusion::kNone) << r;
+    EXPECT_TRUE(std::isnan(analysis.simulation.per_recording[r].rmse)) << r;
+    EXPECT_NE(analysis.recordings[r].quality.back().detail.find("left out"), std::string::npos) << r;
+  }
+}
+
+TEST(Analyze, AValveThatNeverFollowsIsJudgedThoughItsGaugeMayBeDead) {
+  auto recordings = test::session({}, kNoise_psi, 900);
+  for (Recording& recording : recordings) freeze(recording);
+  const auto analysis = analysed(recordings, {.reference = reference(), .rule_base = rule_base()});
+  ASSERT_TRUE(analysis.classification.verdict);
+  EXPECT_NE(*analysis.classification.verdict, "Good");
+}
+
 TEST(Analyze, AReferenceBaselineWithoutAReferenceIsAnError) {
   const std::vector<Recording> one{test::step_to({}, 1.6, kNoise_psi, 1)};
   const auto analysis = analyze(one, {.baseline = BaselineKind::kReference});
