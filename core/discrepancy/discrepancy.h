@@ -23,8 +23,8 @@ enum class Conclusion { kNone, kNamed, kAmbiguous, kUnexplained };
 
 struct ParameterEstimate {
   double value = 0;
-  std::string text;  ///< instead of a value: the channel of `side_input`
-  double std_error = 0;
+  std::string text;      ///< instead of a value: the channel of `side_input`
+  double std_error = 0;  ///< of fit and law: half the interval over 1.96, before that ends where the law does
   std::array<double, 2> ci95{};
   std::string unit;
   double population_mean = 0;

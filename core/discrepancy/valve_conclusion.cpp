@@ -239,7 +239,12 @@ void add_parameters(const Grounds& grounds, std::size_t l, NamedCause& named) {
       const double beyond = estimate.value - counted_from - law.neutral;
       between = std::hypot(half_width95(*good, good_valves), kTwoSided95 * kIdealisation * beyond);
     }
+    const double of_fit = estimate.std_error;
     add_interval(grounds, l, j, between, estimate);
+    // One uncertainty, whichever way it is read: the law's own and what the fit's slope does not see are in the
+    // interval.
+    const double of_interval = (estimate.ci95[1] - estimate.ci95[0]) / (2 * kTwoSided95);
+    if (std::isfinite(of_interval)) estimate.std_error = of_interval;
     // No interval leaves what the law allows, told from where the estimate is.
     estimate.ci95[0] =
         std::max(estimate.ci95[0], std::min(estimate.value, estimate.value + in_fit.lower[j] - values[j]));
@@ -248,7 +253,7 @@ void add_parameters(const Grounds& grounds, std::size_t l, NamedCause& named) {
     estimate.population_mean = is_excess ? counted_from + law.neutral : is_size ? good->size_mean : kUnknown;
     estimate.population_sd = is_size ? good->size_sd : kUnknown;
     if (is_size) {
-      const double spread = std::hypot(good->size_sd, estimate.std_error);
+      const double spread = std::hypot(good->size_sd, of_fit);
       named.severity_in_population_sd = spread > 0 ? std::abs(estimate.value - estimate.population_mean) / spread : 0;
     }
     named.parameters.emplace_back(std::string(law.parameters[j].name), estimate);

@@ -270,6 +270,10 @@ TEST_P(ValveDiagnosisOf, NamesTheCauseThatWasPutIn) {
   EXPECT_EQ(diagnosis.extended_model.mechanisms.front().cause, named.cause);
   const DiscrepancyGain& gain = diagnosis.discrepancy.gain;
   EXPECT_EQ(named.rmse_after, gain.rmse_extended);
+  for (const auto& [name, estimate] : named.parameters) {
+    // The interval ends where the law does, and else says what the standard error says.
+    EXPECT_LE(estimate.ci95[1] - estimate.ci95[0], 1.001 * 2 * 1.96 * estimate.std_error) << name;
+  }
   EXPECT_GE(gain.rmse_black_box, 0.9 * gain.noise_floor);  // no regression explains noise that it has not seen
   if (diagnosis.discrepancy.conclusion == Conclusion::kAmbiguous) {
     EXPECT_TRUE(diagnosis.discrepancy.next_test);
