@@ -238,6 +238,9 @@ void add_parameters(const Grounds& grounds, std::size_t l, NamedCause& named) {
     if (is_excess) {
       const double beyond = estimate.value - counted_from - law.neutral;
       between = std::hypot(half_width95(*good, good_valves), kTwoSided95 * kIdealisation * beyond);
+    } else if (is_force) {
+      // The law idealises the force in motion as far as the one at rest.
+      between = kTwoSided95 * kIdealisation * estimate.value;
     }
     const double of_fit = estimate.std_error;
     add_interval(grounds, l, j, between, estimate);
