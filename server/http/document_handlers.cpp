@@ -25,8 +25,9 @@ Result<Response> list_documents(Service& service, Request& request, DocumentKind
   return list_response(request, std::move(items), std::nullopt);
 }
 
-Result<Response> add_document(Service& service, Request& request, DocumentKind kind, const std::string& body_json) {
-  const auto row = service.store.add_document(kind, request.captures[0], body_json, request.actor);
+Result<Response> add_document(Service& service, Request& request, DocumentKind kind, const Json& body,
+                              const std::string& sha256) {
+  const auto row = service.store.add_document(kind, request.captures[0], dump_json(body), sha256, request.actor);
   if (!row) return tl::unexpected(row.error());
   const Json document = view(*row);
   Response response = json_response(document, 201);
@@ -116,7 +117,7 @@ Result<Response> post_reference(Service& service, Request& request) {
     error.message = fmt::format("the document is for valve type '{}', the path says '{}'", error.found, error.expected);
     return tl::unexpected(error);
   }
-  return add_document(service, request, DocumentKind::kReference, dump_json(to_json(*reference)));
+  return add_document(service, request, DocumentKind::kReference, to_json(*reference), reference_sha256(*reference));
 }
 
 Result<Response> list_rule_bases(Service& service, Request& request) {
@@ -132,7 +133,7 @@ Result<Response> post_rule_base(Service& service, Request& request) {
   if (!text) return tl::unexpected(text.error());
   const auto rule_base = rule_base_from_json(*text);
   if (!rule_base) return tl::unexpected(rule_base.error());
-  return add_document(service, request, DocumentKind::kRuleBase, dump_json(to_json(*rule_base)));
+  return add_document(service, request, DocumentKind::kRuleBase, to_json(*rule_base), rule_base_sha256(*rule_base));
 }
 
 }  // namespace valvetriage::http

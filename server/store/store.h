@@ -401,9 +401,10 @@ class Store {
   virtual Result<std::string> newest_residuals(std::string_view submission_id) = 0;
 
   // --- references and rule bases -------------------------------------------------------------------------------------
-  /// The next version of this valve type's document. The same body as the newest again: that version, nothing is added.
+  /// The next version of this valve type's document, under the hash that the document itself and analyses give it. The
+  /// same hash as the newest again: that version, nothing is added.
   virtual Result<DocumentRow> add_document(DocumentKind kind, std::string_view valve_type, std::string_view body_json,
-                                           std::string_view actor) = 0;
+                                           std::string_view sha256, std::string_view actor) = 0;
   /// The newest, or the given version.
   virtual Result<DocumentBody> document(DocumentKind kind, std::string_view valve_type,
                                         std::optional<int> version = std::nullopt) = 0;

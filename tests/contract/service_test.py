@@ -86,6 +86,10 @@ class Service(unittest.TestCase):
         self.assertEqual(over_http["result_sha256"], by_the_verb["result_sha256"])
         stored = self.service.get(f"/v1/valve-types/{TYPE}/references")["items"]
         self.assertEqual(over_http["baseline"]["reference"]["version"], max(row["version"] for row in stored))
+        for route, said in (("references", over_http["baseline"]["reference"]),
+                            ("rule-bases", over_http["classification"]["rule_base"])):
+            newest = self.service.get(f"/v1/valve-types/{TYPE}/{route}")["items"][0]
+            self.assertEqual(newest["sha256"], said["sha256"], "list and analysis call a document by one hash")
 
         status, job = self.service.request(submission["links"]["self"] + "/reanalyze", "")
         self.assertEqual(status, 202, job)

@@ -7,6 +7,7 @@
 
 #include "server/store/retry_policy.h"
 #include "server/store/sqlite/sqlite_store.h"
+#include "server/wire/sha256.h"
 #include "tests/contract/manual_clock.h"
 #include "tests/contract/store_samples.h"
 #include "tests/contract/temporary_folder.h"
@@ -583,14 +584,26 @@ TEST_P(StoreContract, ListsLotsNewestFirstInPages) {
 }
 
 TEST_P(StoreContract, NumbersTheVersionsOfADocumentAndServesTheNewest) {
-  EXPECT_EQ(store_->add_document(DocumentKind::kReference, "type-1", R"({"a":1})", "local")->version, 1);
-  EXPECT_EQ(store_->add_document(DocumentKind::kReference, "type-1", R"({"a":2})", "local")->version, 2);
-  EXPECT_EQ(store_->add_document(DocumentKind::kReference, "type-1", R"({"a":2})", "local")->version, 2)
+  EXPECT_EQ(store_->add_document(DocumentKind::kReference, "type-1", R"({"a":1})", sha256_hex(R"({"a":1})"), "local")
+                ->version,
+            1);
+  EXPECT_EQ(store_->add_document(DocumentKind::kReference, "type-1", R"({"a":2})", sha256_hex(R"({"a":2})"), "local")
+                ->version,
+            2);
+  EXPECT_EQ(store_->add_document(DocumentKind::kReference, "type-1", R"({"a":2})", sha256_hex(R"({"a":2})"), "local")
+                ->version,
+            2)
       << "the same again";
-  EXPECT_EQ(store_->add_document(DocumentKind::kReference, "type-1", R"({"a":1})", "local")->version, 3)
+  EXPECT_EQ(store_->add_document(DocumentKind::kReference, "type-1", R"({"a":1})", sha256_hex(R"({"a":1})"), "local")
+                ->version,
+            3)
       << "back to an older one";
-  EXPECT_EQ(store_->add_document(DocumentKind::kReference, "type-2", R"({"a":1})", "local")->version, 1);
-  EXPECT_EQ(store_->add_document(DocumentKind::kRuleBase, "type-1", R"({"r":1})", "local")->version, 1);
+  EXPECT_EQ(store_->add_document(DocumentKind::kReference, "type-2", R"({"a":1})", sha256_hex(R"({"a":1})"), "local")
+                ->version,
+            1);
+  EXPECT_EQ(
+      store_->add_document(DocumentKind::kRuleBase, "type-1", R"({"r":1})", sha256_hex(R"({"r":1})"), "local")->version,
+      1);
   EXPECT_EQ(store_->document(DocumentKind::kReference, "type-1")->body_json, R"({"a":1})");
   EXPECT_EQ(store_->document(DocumentKind::kReference, "type-1", 2)->body_json, R"({"a":2})");
   EXPECT_EQ(store_->document(DocumentKind::kReference, "type-1", 4).error().code, "not_found");

@@ -13,7 +13,6 @@
 #include "server/store/sqlite/migrate.h"
 #include "server/store/sqlite/operations.h"
 #include "server/store/zstd_text.h"
-#include "server/wire/sha256.h"
 
 namespace valvetriage {
 namespace {
@@ -127,9 +126,8 @@ class SqliteStore final : public Store {
   }
 
   Result<DocumentRow> add_document(DocumentKind kind, std::string_view valve_type, std::string_view body_json,
-                                   std::string_view actor) override {
+                                   std::string_view sha256, std::string_view actor) override {
     const std::string body_zstd = compress_text(body_json);
-    const std::string sha256 = sha256_hex(body_json);
     return write([&](const Write& in) { return sqlite::add_document(in, kind, valve_type, sha256, body_zstd, actor); });
   }
   Result<DocumentBody> document(DocumentKind kind, std::string_view valve_type, std::optional<int> version) override {

@@ -8,6 +8,7 @@
 
 #include "server/jobs/accept.h"
 #include "server/store/sqlite/sqlite_store.h"
+#include "server/wire/sha256.h"
 #include "tests/contract/store_samples.h"
 #include "tests/contract/temporary_folder.h"
 
@@ -61,7 +62,8 @@ class Worker : public testing::Test {
 };
 
 TEST_F(Worker, RunsAJobInAChildAndStoresItsResult) {
-  ASSERT_TRUE(store_->add_document(DocumentKind::kReference, "type-1", R"({"r":1})", "local"));
+  ASSERT_TRUE(
+      store_->add_document(DocumentKind::kReference, "type-1", R"({"r":1})", sha256_hex(R"({"r":1})"), "local"));
   const auto pool = start();
   const JobRow job = wait_for(submit("succeed"), JobState::kDone);
   EXPECT_EQ(*store_->analysis_body(*job.analysis_id), R"({"files":1,"reference":"{\"r\":1}"})");
