@@ -291,12 +291,14 @@ double current_scale_of(std::span<const Recording> recordings, const Baseline& b
   return span.high_a > span.low_a ? span.current_scale() : 1;
 }
 
-/// What says of a recording that its gauge shows one value throughout; null where it does not.
-const QualityItem* one_value(const Recording& recording) {
-  const auto item = std::ranges::find_if(recording.quality, [&](const QualityItem& candidate) {
-    return candidate.code == "stuck" && candidate.count == recording.samples();
-  });
-  return item == recording.quality.end() ? nullptr : &*item;
+/// Whether a quality item says of a recording that its gauge shows one value throughout.
+bool says_one_value(const QualityItem& item, const Recording& recording) {
+  return item.code == "stuck" && item.count == recording.samples();
+}
+
+bool shows_one_value(const Recording& recording) {
+  return std::ranges::any_of(recording.quality,
+                             [&](const QualityItem& item) { return says_one_value(item, recording); });
 }
 
 /// Where the gauge is dead while that of other recordings of the valve has noise, no sample says anything about the
@@ -304,16 +306,18 @@ const QualityItem* one_value(const Recording& recording) {
 std::vector<Recording> without_dead_gauges(std::span<const Recording> recordings) {
   std::vector<Recording> live(recordings.begin(), recordings.end());
   const bool any_live = std::ranges::any_of(
-      live, [](const Recording& recording) { return !one_value(recording) && noise_floor(recording).rms > 0; });
+      live, [](const Recording& recording) { return !shows_one_value(recording) && noise_floor(recording).rms > 0; });
   if (!any_live) return live;
   for (Recording& recording : live) {
-    const QualityItem* item = one_value(recording);
-    if (!item) continue;
+    if (!shows_one_value(recording)) continue;
     recording.valid.assign(recording.samples(), 0);
-    recording.quality[static_cast<std::size_t>(item - recording.quality.data())].detail = fmt::format(
-        "{} is exactly {:.6g} {} throughout, while the gauge of other recordings has noise: gauge or cable was "
-        "dead, the recording is left out of verdict and naming",
-        recording.output.quantity, recording.output.values.front(), recording.output.unit);
+    for (QualityItem& item : recording.quality) {
+      if (!says_one_value(item, recording)) continue;
+      item.detail = fmt::format(
+          "{} is exactly {:.6g} {} throughout, while the gauge of other recordings has noise: gauge or cable was dead, "
+          "the recording is left out of verdict and naming",
+          recording.output.quantity, recording.output.values.front(), recording.output.unit);
+    }
   }
   return live;
 }

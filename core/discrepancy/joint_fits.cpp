@@ -64,29 +64,14 @@ std::vector<JointStart> in_place_of_own_loops(const Tested& tested, const Explan
   return excess > 0 ? taking_over(tested, beside, place, excess) : std::vector<JointStart>{};
 }
 
-/// What holds a spool of a valve at `place`, from barely to hardly: those forces which simulate best. Secants over wide
-/// steps lead from a small force to none and from a large one past its slips.
-std::vector<JointStart> sticking_starts(const LawInFit& law, const Explanation& beside, const VectorXd& place,
-                                        double width) {
-  ValveFitOptions options = *beside.options;
-  options.laws.push_back(law);
-  const ValveFitProblem problem(*beside.problem, options);
-  const double range_a = options.knots.back() - options.knots.front();
-  std::vector<std::pair<double, JointStart>> by_cost;
+/// Dry friction from what barely holds a spool to what hardly lets it go.
+std::vector<std::vector<double>> friction_ladder(double range_a) {
+  std::vector<std::vector<double>> ladder;
   double breakaway_a = kLeastBreakaway * range_a;
   for (int force = 0; force < kBreakaways; ++force, breakaway_a *= 2) {
-    JointStart start{.baseline = place,
-                     .parameters = {breakaway_a, kKineticShare * breakaway_a, kStribeckSpeed * range_a, 0},
-                     .width = width};
-    const double cost = problem.cost(problem.clamped(beside.problem->continued_in(problem, place, start.parameters)));
-    if (std::isfinite(cost)) by_cost.emplace_back(cost, std::move(start));
+    ladder.push_back({breakaway_a, kKineticShare * breakaway_a, kStribeckSpeed * range_a, 0});
   }
-  std::stable_sort(by_cost.begin(), by_cost.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
-  std::vector<JointStart> starts;
-  for (auto& [cost, start] : by_cost) {
-    if (starts.size() < kStartsFromPlace) starts.push_back(std::move(start));
-  }
-  return starts;
+  return ladder;
 }
 
 /// Where a law's joint fit may begin beside where its search ended: from each of the given places of the valve, those
@@ -104,23 +89,21 @@ std::vector<JointStart> joint_starts(const Tested& tested, const Explanation& be
   ValveFitOptions options = *beside.options;
   options.laws.push_back(tested.fit.law);
   const ValveFitProblem problem(*beside.problem, options);
+  // Secants over wide steps lead from a small friction to none and from a large one past its slips.
   const bool sticks = makes_stick(tested.fit.law, beside);
+  const std::vector<std::vector<double>> candidates =
+      sticks ? friction_ladder(options.knots.back() - options.knots.front()) : tested.starts;
   for (const VectorXd& place : places) {
-    if (sticks) {
-      const bool is_fitted = &place == &places.front();
-      for (JointStart& start : sticking_starts(tested.fit.law, beside, place, is_fitted ? 1 : kNarrow)) {
-        starts.push_back(std::move(start));
-      }
-      continue;
-    }
     std::vector<std::pair<double, const std::vector<double>*>> by_cost;
-    for (const std::vector<double>& start : tested.starts) {
+    for (const std::vector<double>& start : candidates) {
       const double cost = problem.cost(problem.clamped(beside.problem->continued_in(problem, place, start)));
       if (std::isfinite(cost)) by_cost.emplace_back(cost, &start);
     }
     std::sort(by_cost.begin(), by_cost.end());
     if (by_cost.size() > kStartsFromPlace) by_cost.resize(kStartsFromPlace);
-    for (const auto& [cost, start] : by_cost) starts.push_back({place, *start});
+    const bool is_fitted = &place == &places.front();
+    const double width = !sticks ? 0 : is_fitted ? 1 : kNarrow;
+    for (const auto& [cost, start] : by_cost) starts.push_back({place, *start, width});
   }
   for (JointStart& start : in_place_of_own_loops(tested, beside)) starts.push_back(std::move(start));
   return starts;

@@ -50,13 +50,7 @@ Result<Response> get_document(Service& service, Request& request, DocumentKind k
   auto document = service.store.document(kind, request.captures[0], version);
   if (!document) return tl::unexpected(document.error());
   Response response;
-  const std::string tag = '"' + document->row.sha256 + '"';
-  response.set_header("ETag", tag);
-  if (has_tag(request, tag)) {
-    response.status = 304;
-  } else {
-    response.body = std::move(document->body_json);
-  }
+  if (!is_known(request, document->row.sha256, response)) response.body = std::move(document->body_json);
   return response;
 }
 

@@ -49,12 +49,7 @@ std::string attachment(std::string_view name) {
 /// The stored bytes; their hash is their ETag, since they never change.
 Result<Response> raw_bytes(Service& service, const Request& request, const RecordingRow& row) {
   Response response;
-  const std::string tag = '"' + row.sha256 + '"';
-  response.set_header("ETag", tag);
-  if (has_tag(request, tag)) {
-    response.status = 304;
-    return response;
-  }
+  if (is_known(request, row.sha256, response)) return response;
   const auto file = std::make_shared<OpenFile>(service.blobs.path_of(row.sha256));
   if (file->descriptor() < 0)
     return fail("internal", "the stored bytes of this recording cannot be read; run 'valvetriage check'");
@@ -75,14 +70,8 @@ Result<Response> raw_bytes(Service& service, const Request& request, const Recor
 
 Response analysis_response(const Request& request, const AnalysisRow& row, std::string body) {
   Response response;
-  const std::string tag = '"' + row.id + '"';
-  response.set_header("ETag", tag);
   response.set_header("Content-Location", "/v1/analyses/" + row.id);
-  if (has_tag(request, tag)) {
-    response.status = 304;
-  } else {
-    response.body = std::move(body);
-  }
+  if (!is_known(request, row.id, response)) response.body = std::move(body);
   return response;
 }
 

@@ -3,10 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <charconv>
 
+#include "core/classify/verdict.h"
 #include "core/mechanisms/mechanism.h"
+#include "core/recording/text.h"
 #include "server/http/limits.h"
 
 namespace valvetriage::http {
@@ -94,8 +95,8 @@ Result<TimestampMs> time_parameter(std::string_view name, std::string_view text)
 
 /// A verdict or cause that cannot be would give an empty list, which reads like good news.
 Result<void> check_filter_words(const Filter& filter) {
-  constexpr std::array<std::string_view, 3> kVerdicts{"Good", "Malfunctioned", "Severe"};
-  if (filter.verdict && std::ranges::find(kVerdicts, *filter.verdict) == kVerdicts.end()) {
+  const auto is_asked_for = [&](Verdict verdict) { return to_string(verdict) == *filter.verdict; };
+  if (filter.verdict && std::ranges::none_of(kVerdicts, is_asked_for)) {
     return tl::unexpected(bad_filter("verdict", *filter.verdict, "Good, Malfunctioned or Severe"));
   }
   if (filter.cause && !find_mechanism(*filter.cause)) {
@@ -106,14 +107,12 @@ Result<void> check_filter_words(const Filter& filter) {
 
 /// One tag of an If-None-Match without the mark of a weak one, which compares alike here (RFC 9110, 13.1.2).
 std::string_view strong(std::string_view tag) {
-  while (!tag.empty() && (tag.front() == ' ' || tag.front() == '\t')) tag.remove_prefix(1);
-  while (!tag.empty() && (tag.back() == ' ' || tag.back() == '\t')) tag.remove_suffix(1);
+  tag = trim(tag);
   if (tag.starts_with("W/")) tag.remove_prefix(2);
   return tag;
 }
 
-}  // namespace
-
+/// Whether the client's If-None-Match holds this entity tag, quotes included.
 bool has_tag(const Request& request, std::string_view tag) {
   std::string_view left = request.head.header("if-none-match").value_or("");
   if (strong(left) == "*") return true;
@@ -123,6 +122,16 @@ bool has_tag(const Request& request, std::string_view tag) {
     left.remove_prefix(std::min(comma + 1, left.size()));
   }
   return false;
+}
+
+}  // namespace
+
+bool is_known(const Request& request, std::string_view name, Response& response) {
+  const std::string tag = fmt::format("\"{}\"", name);
+  response.set_header("ETag", tag);
+  if (!has_tag(request, tag)) return false;
+  response.status = 304;
+  return true;
 }
 
 Json view(const RecordingRow& row) {

@@ -33,8 +33,8 @@ Response list_response(const Request& request, std::vector<Json> items, const st
 
 /// `limit` and `cursor`. Errors `bad_parameter`.
 Result<PageRequest> page_request(const Request& request);
-/// Whether the client's If-None-Match holds this entity tag, quotes included: then the answer is 304.
-bool has_tag(const Request& request, std::string_view tag);
+/// Gives the response the entity tag of that name. Whether the client has it (If-None-Match): the answer is then 304.
+bool is_known(const Request& request, std::string_view name, Response& response);
 /// The filters of the lists. Errors `bad_parameter` for a time that is not RFC 3339, a verdict or cause that is none.
 Result<Filter> filter_of(const Request& request);
 

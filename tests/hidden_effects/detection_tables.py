@@ -2,7 +2,7 @@
 import collections
 
 import scoring
-from tables import BINS, SHOWS_D, count, detected, first_said, is_right, shown, table, within
+from tables import SHOWS_D, by_bin, count, detected, first_said, is_right, shown, table, within
 
 
 def healthy(outcomes):
@@ -20,10 +20,9 @@ def healthy(outcomes):
 def by_distance(outcomes, distance):
     rows = []
     for title, kinds in (("one cause", ("single",)), ("pair", ("pair",)), ("outside", ("outside",))):
-        for low, high in zip(BINS, BINS[1:]):
-            held = [o for o in within(outcomes, *kinds) if o[distance] is not None and low <= o[distance] < high]
+        for span, held in by_bin(within(outcomes, *kinds), distance):
             if held and (distance == "d" or kinds != ("outside",)):
-                rows.append([title, f"{low:g} to {high:g}", count(held, detected), count(held, is_right),
+                rows.append([title, span, count(held, detected), count(held, is_right),
                              "-" if kinds == ("outside",) else count(held, lambda o: o["truth_inside"]),
                              sum(o["outcome"] == "unexplained" for o in held),
                              count(held, lambda o: o["confident_wrong"])])
@@ -36,12 +35,9 @@ def by_distance(outcomes, distance):
 
 def by_weaker(outcomes):
     """A pair can be named where both of its causes show."""
-    rows = []
-    for low, high in zip(BINS, BINS[1:]):
-        held = [o for o in within(outcomes, "pair") if o["d_weaker"] is not None and low <= o["d_weaker"] < high]
-        if held:
-            rows.append([f"{low:g} to {high:g}", count(held, is_right), count(held, lambda o: o["outcome"] == "half"),
-                         count(held, lambda o: o["truth_inside"]), count(held, lambda o: o["confident_wrong"])])
+    rows = [[span, count(held, is_right), count(held, lambda o: o["outcome"] == "half"),
+             count(held, lambda o: o["truth_inside"]), count(held, lambda o: o["confident_wrong"])]
+            for span, held in by_bin(within(outcomes, "pair"), "d_weaker") if held]
     return table(["d of the weaker cause", "both named", "one named", "truth inside the answer",
                   "a wrong name at 0.95 or more"], rows)
 

@@ -115,7 +115,6 @@ class Tables(unittest.TestCase):
         self.assertIn("| one cause | 2 to 4 | 1.000 [0.025, 1.000] of 1 |", text)
         self.assertIn("| one cause | 16 to 32 | 0.500 [0.013, 0.987] of 2 |", text)
 
-
     def test_a_pair_is_judged_by_the_cause_that_shows_less(self):
         held = [outcome("pair", ["friction", "leakage"], d=200.0, d_weaker=3.0, outcome="half"),
                 outcome("pair", ["friction", "leakage"], d=40.0, d_weaker=20.0), outcome(d=20.0)]

@@ -35,8 +35,8 @@ def with_distances(case, line):
     """The case with what is known of its distances."""
     if not line:
         return case
-    return dataclasses.replace(case, d=line["d"], d_weaker=line.get("d_weaker", math.nan), d_name=line.get("d_name", math.nan), rival=line.get("rival", ""),
-                               oracle_set=line.get("oracle_set", math.nan))
+    return dataclasses.replace(case, d=line["d"], d_weaker=line.get("d_weaker", math.nan),
+                               d_name=line.get("d_name", math.nan), rival=line.get("rival", ""), oracle_set=line.get("oracle_set", math.nan))
 
 
 def answer_line(key, bench, case):

@@ -30,6 +30,12 @@ def within(outcomes, *kinds):
     return [outcome for outcome in outcomes if outcome["kind"] in kinds]
 
 
+def by_bin(outcomes, distance):
+    """(title, outcomes) of every bin of a distance, those whose distance is not known left out."""
+    for low, high in zip(BINS, BINS[1:]):
+        yield f"{low:g} to {high:g}", [o for o in outcomes if o[distance] is not None and low <= o[distance] < high]
+
+
 def shown(value, digits=3):
     return "-" if value is None else f"{value:.{digits}g}"
 
