@@ -13,6 +13,7 @@
 #include "core/discrepancy/evidence.h"
 #include "core/discrepancy/heldout.h"
 #include "core/discrepancy/leftover.h"
+#include "core/discrepancy/own_parameters.h"
 #include "core/discrepancy/recording_slip.h"
 #include "core/residual/noise_floor.h"
 
@@ -43,8 +44,6 @@ constexpr double kCertainLine = 1e-6;
 constexpr double kLeastOfALine = 0.01;
 // A cause that the prior carries, a delay or a gain, neither helps nor harms held-out recordings: this much by chance.
 constexpr double kMostHarm = 0.01;
-// Of a returned valve nothing is known before its tests: as likely a fault as none.
-constexpr double kOddsOfAFault = 1;
 // Of a name whose extension leaves too much: as likely as not.
 constexpr double kUnexplainedName = 0.5;
 constexpr int kRefitSteps = 12;
@@ -429,24 +428,6 @@ void measure_each(const SearchedValve& searched, Discrepancy& discrepancy) {
   }
 }
 
-/// Of each cause of a survey: odds that the valve has it at a size that these tests do not see. Its p-value is that of
-/// the fit together with the valve where there is one; the survey's is a forecast. The tests ask for more than even
-/// odds before they take a valve for faulty: what is short of that is told as no more than even, all causes together.
-std::vector<double> odds_of_being_too_small(const Contest& contest) {
-  const std::vector<Tested>& tested = contest.survey.tested;
-  const double share = 1.0 / static_cast<double>(tested.size());
-  std::vector<double> odds;
-  for (const Tested& law : tested) {
-    const auto entry = std::find_if(contest.entries.begin(), contest.entries.end(),
-                                    [&](const Ranked& r) { return r.fitted_jointly && r.cause == law.cause(); });
-    const double p_value = entry != contest.entries.end() ? entry->p_value : law.p_value;
-    odds.push_back(kOddsOfAFault * share * odds_at_unknown_size(p_value));
-  }
-  const double of_any = std::accumulate(odds.begin(), odds.end(), 0.0);
-  for (double& of_one : odds) of_one /= std::max(of_any, 1.0);
-  return odds;
-}
-
 /// Several causes together, the named ones first; where one has rivals, with each of them in its place.
 std::vector<Candidate> together_of(const std::vector<WonPlace>& places, const Discrepancy& discrepancy) {
   std::vector<Candidate> together{{.cause = "", .probability = 1}};
@@ -477,26 +458,32 @@ std::vector<Candidate> together_of(const std::vector<WonPlace>& places, const Di
 }
 
 std::vector<Candidate> candidates_of(const Grounds& grounds, const Discrepancy& discrepancy, const Leftover& leftover,
-                                     const LinearisedValve& linear) {
+                                     const LinearisedValve& linear, bool is_taken_up) {
   const SearchedValve& searched = grounds.searched;
   const bool is_none = discrepancy.conclusion == Conclusion::kNone;
   const bool is_unknown = discrepancy.conclusion == Conclusion::kUnexplained;
   const std::size_t laws = searched.explanation.laws.size();
   const std::vector<Ranked> unranked;
   const auto& ranked = laws == 0 ? searched.first.ranked : laws == 1 ? searched.places.front().ranked : unranked;
-  // Where nothing is found, how much of the doubt is whose: a fault too small for these tests is still one.
-  const std::vector<double> odds = is_none ? odds_of_being_too_small(searched.first) : std::vector<double>{};
-  const double odds_of_any = std::accumulate(odds.begin(), odds.end(), 0.0);
+  // How much of the doubt is whose: a fault too small for these tests is still one, alone or beside another.
+  const bool is_alone = laws == 1 && !is_unknown;
+  const auto odds_of = [&](const std::string& cause) {
+    const auto found = std::find_if(searched.unseen.begin(), searched.unseen.end(),
+                                    [&](const UnseenCause& unseen) { return unseen.cause == cause; });
+    return found == searched.unseen.end() ? 0 : found->odds;
+  };
+  double odds_of_any = 0;
+  for (const UnseenCause& unseen : searched.unseen) odds_of_any += unseen.odds;
+  const double nothing_unseen = 1 / (1 + odds_of_any);
   std::vector<Candidate> candidates;
   candidates.push_back({.cause = "none",
-                        .probability = is_none ? 1 / (1 + odds_of_any) : 0.0,
+                        .probability = is_none ? nothing_unseen : 0.0,
                         .rmse_heldout = discrepancy.gain.rmse_baseline,
                         .reason = is_none ? "nothing beyond what good valves leave"
                                           : "the simulation leaves more than any good valve would"});
-  for (std::size_t i = 0; i < searched.first.survey.tested.size(); ++i) {
-    const Tested& tested = searched.first.survey.tested[i];
+  for (const Tested& tested : searched.first.survey.tested) {
     Candidate candidate{.cause = tested.cause(), .rmse_heldout = kUnknown};
-    if (is_none) candidate.probability = odds[i] / (1 + odds_of_any);
+    if (is_none) candidate.probability = odds_of(candidate.cause) * nothing_unseen;
     candidate.reason = fmt::format("evidence {:.1f} of {:.1f} promised, noise alone {:.1f}, in a good valve p {:.2g}",
                                    tested.evidence.value, tested.promise.value, tested.noise_reduction, tested.p_value);
     if (laws == 1 && candidate.cause == discrepancy.causes.front().cause) {
@@ -504,14 +491,23 @@ std::vector<Candidate> candidates_of(const Grounds& grounds, const Discrepancy& 
     }
     for (const Ranked& r : ranked) {
       if (r.cause != candidate.cause) continue;
-      if (laws == 1 && !is_unknown) candidate.probability = r.probability;
+      if (is_alone) candidate.probability = r.probability * nothing_unseen;
       if (r.fitted_jointly) {
         candidate.reason += fmt::format("; {:.1f} of {:.1f} fitted together with the valve, p {:.2g}", r.evidence.value,
                                         r.reduction, r.p_value);
       }
     }
-    candidate.upper_limit95 = limit_of(grounds, linear, tested);
+    // Around a fit that has taken a fault up nothing says how large it may be.
+    if (!is_taken_up) candidate.upper_limit95 = limit_of(grounds, linear, tested);
     candidates.push_back(std::move(candidate));
+  }
+  if (is_alone) {
+    for (const UnseenCause& unseen : searched.unseen) {
+      candidates.push_back({.cause = discrepancy.causes.front().cause + "+" + unseen.cause,
+                            .probability = unseen.odds * nothing_unseen,
+                            .rmse_heldout = kUnknown,
+                            .reason = "a second fault too small for these tests"});
+    }
   }
   if (laws > 1) {
     for (Candidate& together : together_of(searched.places, discrepancy)) {
@@ -522,7 +518,9 @@ std::vector<Candidate> candidates_of(const Grounds& grounds, const Discrepancy& 
   candidates.push_back({.cause = "unknown",
                         .probability = is_unknown ? 1.0 : 0.0,
                         .rmse_heldout = discrepancy.gain.rmse_black_box,
-                        .reason = fmt::format("what is left has p {:.2g} in a good valve", leftover.p_value)});
+                        .reason = is_taken_up
+                                      ? "the valve's own parameters are no good valve's"
+                                      : fmt::format("what is left has p {:.2g} in a good valve", leftover.p_value)});
   for (const Candidate& candidate : searched.first.survey.untestable) candidates.push_back(candidate);
   return candidates;
 }
@@ -577,7 +575,10 @@ ValveDiagnosis conclude(const SearchedValve& searched, const ValveDiagnosisOptio
   ValveDiagnosis diagnosis;
   Discrepancy& discrepancy = diagnosis.discrepancy;
   discrepancy.gain = measure_gain(searched.baseline, explanation);
-  const bool explained = is_explained(grounds, linear, leftover, findings, discrepancy.gain);
+  const OwnParameters own = own_parameters_of(explanation.v, options);
+  // A fault that the fit has taken up leaves nothing: the valve is odd where its residual is not.
+  const bool is_taken_up = explanation.laws.empty() && own.p_value < kFalseAlarm;
+  const bool explained = !is_taken_up && is_explained(grounds, linear, leftover, findings, discrepancy.gain);
   for (std::size_t l = 0; l < explanation.laws.size(); ++l) {
     discrepancy.causes.push_back(named_cause(grounds, l, explained));
   }
@@ -591,8 +592,11 @@ ValveDiagnosis conclude(const SearchedValve& searched, const ValveDiagnosisOptio
 
   discrepancy.findings = std::move(findings);
   discrepancy.findings.insert(discrepancy.findings.end(), leftover.findings.begin(), leftover.findings.end());
+  if (explanation.laws.empty()) {
+    discrepancy.findings.insert(discrepancy.findings.end(), own.findings.begin(), own.findings.end());
+  }
   measure_each(searched, discrepancy);
-  discrepancy.candidates = candidates_of(grounds, discrepancy, leftover, linear);
+  discrepancy.candidates = candidates_of(grounds, discrepancy, leftover, linear, is_taken_up);
   discrepancy.next_test = next_test(grounds, discrepancy.causes, leftover.p_value > kUsualLeftover);
 
   diagnosis.extended_model = grounds.extended;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "core/discrepancy/valve_contest.h"
@@ -19,6 +20,7 @@ struct SearchedValve {
   const Explanation& explanation;
   const std::vector<WonPlace>& places;  ///< one per law of the explanation
   const Contest& first;                 ///< beside the baseline
+  std::span<const UnseenCause> unseen;  ///< beside the explanation
 };
 
 /// The contract's account of it: conclusion, findings, causes with their rivals, candidates with upper limits, gain,

@@ -54,6 +54,10 @@ constexpr double kRareInGoodValves = 0.01;
 // The leftover and the laws are two tests of the same valve.
 constexpr double kLeftoverTests = 2;
 constexpr double kRivalShare = 0.25;
+// Of a returned valve nothing is known before its tests: as likely a fault as none.
+constexpr double kOddsOfAFault = 1;
+// Tells of nothing.
+constexpr double kNoSign = 0.5;
 constexpr double kRivalInGoodValves = 0.05;
 
 std::string cause_of(const Explanation& explanation) {
@@ -591,6 +595,25 @@ bool leaves_memory(const Mechanism& law, const VectorXd& v, const ValveDiagnosis
 const CauseOnGoodValves* on_good_valves(std::span<const CauseOnGoodValves> causes, std::string_view cause) {
   const auto known = std::find_if(causes.begin(), causes.end(), [&](const auto& good) { return good.cause == cause; });
   return known == causes.end() ? nullptr : &*known;
+}
+
+std::vector<UnseenCause> odds_of_being_too_small(const Contest& contest, double least_gain) {
+  const std::vector<Tested>& tested = contest.survey.tested;
+  const double share = 1.0 / static_cast<double>(tested.size());
+  std::vector<UnseenCause> unseen;
+  double of_any = 0;
+  for (const Tested& law : tested) {
+    // The p-value of the fit together with the valve where there is one; the survey's is a forecast.
+    const auto entry = std::find_if(contest.entries.begin(), contest.entries.end(),
+                                    [&](const Ranked& r) { return r.fitted_jointly && r.cause == law.cause(); });
+    const bool is_fitted = entry != contest.entries.end();
+    const double p_value = is_fitted ? entry->p_value : law.p_value;
+    const bool tells = (is_fitted ? entry->reduction : law.fit.verified) >= least_gain;
+    unseen.push_back({law.cause(), kOddsOfAFault * share * odds_at_unknown_size(tells ? p_value : kNoSign)});
+    of_any += unseen.back().odds;
+  }
+  for (UnseenCause& one : unseen) one.odds /= std::max(of_any, 1.0);
+  return unseen;
 }
 
 Survey survey_laws(const LinearisedValve& fit, const ValveFitOptions& options) {

@@ -74,6 +74,19 @@ Contest hold_contest(const Explanation& beside, const ValveDiagnosisOptions& opt
 Contest held_again(const Contest& contest, const Explanation& beside, const Explanation& better,
                    const ValveDiagnosisOptions& options);
 
+/// A cause that these tests may be too weak to see.
+struct UnseenCause {
+  std::string cause;
+  double odds = 0;  ///< of its being there to its not being there
+};
+/// Of each cause of a survey: odds that the valve has it, at a size that these tests do not see, beside what the
+/// contest was held beside. One fault says nothing of another: the odds of any before the tests are the same beside a
+/// cause as beside none. The tests ask for more than even odds before they take a valve for faulty: what is short of
+/// that is told as no more than even, all causes together.
+///
+/// least_gain  as in `hold_contest`: what lowers the cost by less tells of no cause
+std::vector<UnseenCause> odds_of_being_too_small(const Contest& contest, double least_gain = 0);
+
 /// Inflated noise variances by which a winner has to lead a rival that is as near as this one before it is out;
 /// infinite: no lead settles it.
 ///

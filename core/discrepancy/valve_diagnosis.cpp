@@ -25,6 +25,7 @@ class Diagnosis {
 
   ValveDiagnosis run() {
     first_ = hold_contest(baseline_, options_);
+    unseen_ = odds_of_being_too_small(first_);
     Explanation explanation = baseline_.copy();
     if (first_.best) {
       explanation = first_.best->copy();
@@ -35,8 +36,9 @@ class Diagnosis {
       while (explanation.laws.size() > 1 && drop_one_without_size(explanation)) {
       }
       if (explanation.laws.size() == 1) compare_alone(explanation);
+      std::erase_if(unseen_, [&](const UnseenCause& unseen) { return has_family_of(explanation, unseen.cause); });
     }
-    return conclude({baseline_, explanation, places_, first_}, options_);
+    return conclude({baseline_, explanation, places_, first_, unseen_}, options_);
   }
 
  private:
@@ -53,8 +55,12 @@ class Diagnosis {
     const double of_laws = left_of_laws * left_of_laws * (baseline_.cost - explanation.cost);
     const double least_gain = std::max(kShareOfASecond * above_floor, of_laws);
     Contest next = hold_contest(explanation, options_, least_gain);
-    if (!next.best || explanation.cost - next.best->cost < least_gain) return false;
+    if (!next.best || explanation.cost - next.best->cost < least_gain) {
+      unseen_ = odds_of_being_too_small(next, least_gain);
+      return false;
+    }
     explanation = take(next);
+    unseen_.clear();
     return true;
   }
 
@@ -123,6 +129,11 @@ class Diagnosis {
     places_.front() = first_place(explanation);
   }
 
+  static bool has_family_of(const Explanation& explanation, const std::string& cause) {
+    return std::any_of(explanation.laws.begin(), explanation.laws.end(),
+                       [&](const LawFit& fit) { return fit.law.law->family == find_mechanism(cause)->family; });
+  }
+
   /// How a cause did beside the baseline alone: nothing for it where another one won.
   WonPlace first_place(const Explanation& explanation) const {
     const bool is_same = first_.best && first_.cause == explanation.laws.front().law.law->cause;
@@ -133,8 +144,9 @@ class Diagnosis {
 
   const ValveDiagnosisOptions& options_;
   Explanation baseline_;
-  Contest first_;                 ///< beside the baseline
-  std::vector<WonPlace> places_;  ///< one per law of the explanation
+  Contest first_;                    ///< beside the baseline
+  std::vector<WonPlace> places_;     ///< one per law of the explanation
+  std::vector<UnseenCause> unseen_;  ///< beside what was found
 };
 
 }  // namespace

@@ -31,13 +31,14 @@ class DelayedInput {
     return input_.start[m] + (input_.end[m] - input_.start[m]) * share;
   }
 
-  /// Whether all of the sample interval that begins at sample i sees this one value.
-  bool holds(std::size_t i, double value) const {
+  /// Whether all of the sample interval that begins at sample i sees no values but these.
+  bool stays_within(std::size_t i, double lowest, double highest) const {
     const double t = static_cast<double>(i) - delay_;
     const auto first = t <= 0 ? 0 : std::min(static_cast<std::size_t>(t), last_);
     const auto last = std::min(t + 1 <= 0 ? 0 : static_cast<std::size_t>(t + 1), last_);
     for (std::size_t m = first; m <= last; ++m) {
-      if (input_.start[m] != value || input_.end[m] != value) return false;
+      const auto [low, high] = std::minmax(input_.start[m], input_.end[m]);
+      if (!(low >= lowest && high <= highest)) return false;
     }
     return true;
   }
@@ -111,8 +112,12 @@ class SlidingSpool {
   void begin(std::size_t i) {
     if (v_ == 0) x_ = known_.next_slip_from(i, x_);
     run_.position[i] = v_ == 0 ? landed_ : x_;
-    const bool sticks = v_ == 0 && std::abs(lagged_ - x_) <= breakaway_ * run_.friction->growth.share_at(x_);
-    moves_ = !sticks || !delayed_.holds(i, lagged_);
+    const double most = breakaway_ * run_.friction->growth.share_at(x_);
+    const bool sticks = v_ == 0 && std::abs(lagged_ - x_) <= most;
+    const bool is_lagged = half_way_ < 1;
+    moves_ = !sticks ||
+             !(is_lagged ? delayed_.stays_within(i, lagged_, lagged_) : delayed_.stays_within(i, x_ - most, x_ + most));
+    if (!moves_ && !is_lagged) lagged_ = delayed_.at(static_cast<double>(i) + (substeps_ - 0.5) * per_substep_);
   }
 
   void substep(std::size_t i, int k) {

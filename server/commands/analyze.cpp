@@ -174,7 +174,10 @@ void add_analyze_command(CLI::App& app, int& exit_status) {
   verb->add_flag("--json", arguments->json, "Print the whole result as JSON (schemas/analysis.schema.json)");
   add_column_options(*verb, arguments->recording);
   add_metadata_options(*verb, arguments->recording);
-  verb->callback([arguments, &exit_status] { exit_status = run(*arguments); });
+  verb->callback([arguments, &exit_status] {
+    keep_freed_memory();
+    exit_status = run(*arguments);
+  });
 }
 
 }  // namespace valvetriage

@@ -1,10 +1,18 @@
 #include "server/commands/commands.h"
 
 #include <fmt/format.h>
+#include <malloc.h>
 
 #include <cstdio>
 
 namespace valvetriage {
+
+void keep_freed_memory() {
+  constexpr int kLargestKept = 32 << 20;  // the C library takes no larger threshold
+  constexpr int kMostKept = 256 << 20;
+  mallopt(M_MMAP_THRESHOLD, kLargestKept);
+  mallopt(M_TRIM_THRESHOLD, kMostKept);
+}
 
 void print_error(const Error& error) {
   if (error.file.empty()) {

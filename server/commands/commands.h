@@ -39,6 +39,11 @@ enum ExitStatus : int { kDone = 0, kFailure = 1, kBadInput = 2, kVerdictNotGood 
 VALVETRIAGE_COMMANDS(X)
 #undef X
 
+/// For verbs that fit valves, before they begin: a fit takes and frees the same few signals thousands of times. By
+/// default the C library gives signals of a session's length back to the system each time, and their pages are faulted
+/// in and zeroed anew: a third of an analysis.
+void keep_freed_memory();
+
 /// Prints an error the way every verb does: "valvetriage: FILE: message" on standard error.
 void print_error(const Error& error);
 

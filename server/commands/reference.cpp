@@ -152,7 +152,10 @@ void add_reference_command(CLI::App& app, int& exit_status) {
   verb->add_option("--valve-type", arguments->recording.valve_type, "Type of the valves")->required();
   verb->add_option("-o,--output", arguments->output, "Where the reference goes")->required();
   add_column_options(*verb, arguments->recording);
-  verb->callback([arguments, &exit_status] { exit_status = run_learn(*arguments); });
+  verb->callback([arguments, &exit_status] {
+    keep_freed_memory();
+    exit_status = run_learn(*arguments);
+  });
 }
 
 }  // namespace valvetriage

@@ -4,7 +4,9 @@ import math
 import statistics
 
 import calibration
+import playing
 from binomial import rate
+from scoring import MARKS
 from tables import count, is_right, shown, table, within
 
 
@@ -75,13 +77,22 @@ def closed(outcomes):
     if not asked:
         return ""
     shares = [o["closed_share"] for o in asked if o["closed_share"] is not None]
-    rows = [[o["case"], o["hidden"][0], shown(o["d"]), o["held_out"]["recording"], shown(o["held_out"]["baseline"]),
-             shown(o["held_out"]["extended"]), shown(o["closed_share"])] for o in asked]
+    to_close = [playing.share_to_close(o["held_out"]) for o in asked]
+    rows = [[o["case"], o["hidden"][0], shown(o["d"]), o["held_out"]["recording"],
+             *(shown(o["held_out"].get(which)) for which in ("baseline", "extended", "good")),
+             shown(o["closed_share"]), shown(most)] for o, most in zip(asked, to_close)]
     middle = f"; median closed share {statistics.median(shares):.3f}" if shares else ""
+    known, mark = [most for most in to_close if most is not None], MARKS["closed_share_median"][0]
+    if known:
+        reached = sum(most >= mark for most in known)
+        middle += (f". A model that left only what the baseline leaves of the same valve without the effect would close "
+                   f"{statistics.median(known):.3f} in the median, {mark} or more in {reached} of "
+                   f"{len(asked)}; in {len(asked) - len(known)} a good valve leaves as much as this one")
     return (f"One cause with d ≥ 30, a recording held out, both models fitted to the others: {len(asked)} cases, in "
             f"{len(shares)} of them the baseline leaves more than the stand's noise there{middle}. Errors in psi against "
-            "the noise-free output; a good valve leaves 0.06 to 0.19.\n\n"
-            + table(["case", "cause", "d", "held out", "baseline", "extended", "closed share"], rows))
+            "the noise-free output.\n\n"
+            + table(["case", "cause", "d", "held out", "baseline", "extended", "without the effect", "closed share",
+                     "to be closed"], rows))
 
 
 def transfer(outcomes):

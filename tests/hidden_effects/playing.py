@@ -128,11 +128,20 @@ def held_out_recording(case):
 
 def held_out_errors(bench, case, recordings, clean):
     """What baseline and extended model of an analysis without one recording leave there, root mean square [psi] against
-    the noise-free output; None where the effect is too small to ask, or the engine simulates nothing."""
+    the noise-free output, and what the baseline of the same valve leaves of it without the effect; None where the effect
+    is too small to ask, or the engine simulates nothing."""
     if case.kind != "single" or case.plant != "valve" or not case.d >= CLOSED_SHARE_D or not bench.engine.simulate:
         return None
     if case.effects[0][0] in NOT_IN_OTHER_RECORDINGS:
         return None
+    errors = errors_without_recording(bench, case, recordings, clean, {"baseline", "extended"})
+    good = dataclasses.replace(case, effects=[])
+    with bench.played(good) as (recordings_of_good, sealed):
+        of_good = errors_without_recording(bench, good, recordings_of_good, sealed / "clean", {"baseline"})
+    return errors | {"recording": held_out_recording(case), "good": of_good["baseline"]}
+
+
+def errors_without_recording(bench, case, recordings, clean, wanted):
     name = held_out_recording(case)
     aside = recordings.with_name(recordings.name + ".without")
     shutil.rmtree(aside, ignore_errors=True)  # of a run that was ended here
@@ -140,9 +149,8 @@ def held_out_errors(bench, case, recordings, clean):
     try:
         analysis, _ = bench.engine.analyse(case, aside, bench.reference)
         models = {"baseline": analysis["baseline"]["model"], "extended": analysis["extended_model"]}
-        return {"recording": name} | {which: error_of_model(bench, model, recordings / f"{name}.csv",
-                                                            clean / f"{name}.csv", aside)
-                                      for which, model in models.items()}
+        return {which: error_of_model(bench, models[which], recordings / f"{name}.csv", clean / f"{name}.csv", aside)
+                for which in sorted(wanted)}
     finally:
         shutil.rmtree(aside, ignore_errors=True)
 
@@ -161,6 +169,14 @@ def share_closed(errors):
     if not errors or errors["baseline"] == 0:
         return None
     return 1 - (errors["extended"] / errors["baseline"]) ** 2
+
+
+def share_to_close(errors):
+    """The same of a model that leaves no more than the same valve's baseline does without the effect: an extension that
+    knew all of it; None where a good valve leaves as much."""
+    if not errors or errors.get("good") is None or errors["good"] >= errors["baseline"]:
+        return None
+    return 1 - (errors["good"] / errors["baseline"]) ** 2
 
 
 def column(path, name):

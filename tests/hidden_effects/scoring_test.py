@@ -97,6 +97,12 @@ class ClosedShare(unittest.TestCase):
         self.assertIsNone(playing.share_closed({"baseline": 0.0, "extended": 0.0}))
         self.assertIsNone(playing.share_closed(None))
 
+    def test_no_more_is_to_be_closed_than_a_good_valve_lets(self):
+        self.assertAlmostEqual(playing.share_to_close({"baseline": 2.0, "extended": 1.5, "good": 1.0}), 0.75)
+        self.assertIsNone(playing.share_to_close({"baseline": 1.0, "extended": 1.0, "good": 1.0}))
+        self.assertIsNone(playing.share_to_close({"baseline": 1.0, "extended": 1.0}))
+        self.assertIsNone(playing.share_to_close(None))
+
 
 class Cases(unittest.TestCase):
     def test_at_least_half_of_any_number_of_cases_are_healthy(self):

@@ -104,6 +104,16 @@ class Tables(unittest.TestCase):
                 outcome(truth=truth, outcome="missed")]
         self.assertIn("| friction breakaway_A | 3 | 2 | +0.200 | 0.500 [0.013, 0.987] of 2 |", answer_tables.parameters(held))
 
+    def test_the_share_that_is_closed_stands_beside_the_share_to_be_closed(self):
+        held = [{"case": "single-0001", "hidden": ["extra_lag"], "d": 40.0, "closed_share": 0.51,
+                 "held_out": {"recording": "sweep", "baseline": 0.2, "extended": 0.14, "good": 0.1}},
+                {"case": "single-0002", "hidden": ["leakage"], "d": 31.0, "closed_share": 0.0,
+                 "held_out": {"recording": "steps", "baseline": 0.1, "extended": 0.1, "good": 0.11}}]
+        told = answer_tables.closed(held)
+        self.assertIn("would close 0.750 in the median, 0.95 or more in 0 of 2; in 1 a good valve leaves as much", told)
+        self.assertIn("| single-0001 | extra_lag | 40 | sweep | 0.2 | 0.14 | 0.1 | 0.51 | 0.75 |", told)
+        self.assertIn("| single-0002 | leakage | 31 | steps | 0.1 | 0.1 | 0.11 | 0 | - |", told)
+
     def test_a_conclusion_is_the_same_with_the_same_first_cause(self):
         one, other = outcome(said=[("friction", 0.99, [])]), outcome(said=[("backlash", 0.99, [])])
         self.assertTrue(comparison_tables.same_conclusion(one, one))

@@ -7,6 +7,7 @@
 #include <numbers>
 #include <random>
 
+#include "core/discrepancy/own_parameters.h"
 #include "core/discrepancy/valve_contest.h"
 #include "core/mechanisms/mechanism.h"
 #include "core/mechanisms/simulate_extended.h"
@@ -539,6 +540,83 @@ TEST(ValveDiagnosis, WithoutItsCauseTheExtendedModelIsOffByTheCause) {
   ASSERT_EQ(diagnosis.without_cause.size(), 1u);
   const double offset = diagnosis.discrepancy.causes.front().parameters.front().second.value;
   EXPECT_NEAR(diagnosis.extended[0][100] - diagnosis.without_cause[0][0][100], offset, 1e-9);
+}
+
+TEST(ValveDiagnosis, BesideANamedCauseASecondMayBeTooSmallToSee) {
+  const test::MadeValve valve;
+  const auto healthy = test::session(valve, kNoise_psi, 5);
+  const Population population(healthy, valve);
+  const auto spoiled = with_cause(healthy, population.model(valve), {.cause = "sensor_offset", .parameters = {6}});
+  const Discrepancy found = diagnosed(spoiled, population).discrepancy;
+  ASSERT_EQ(found.conclusion, Conclusion::kNamed);
+  EXPECT_GT(found.causes.front().probability, 0.95);
+  double sum = 0, together = 0;
+  for (const Candidate& candidate : found.candidates) {
+    sum += candidate.probability;
+    if (candidate.cause.starts_with("sensor_offset+")) together += candidate.probability;
+  }
+  EXPECT_NEAR(sum, 1, 1e-9);
+  EXPECT_GT(together, 0.1);
+  EXPECT_NEAR(candidate(found, "sensor_offset").probability + together, found.causes.front().probability, 1e-3);
+  EXPECT_GT(candidate(found, "sensor_offset+friction").probability, 0);
+  // Of its own family another would be an account of the same thing.
+  for (const Candidate& candidate : found.candidates) EXPECT_NE(candidate.cause, "sensor_offset+sensor_drift");
+}
+
+TEST(ValveDiagnosis, AFaultThatTheFitHasTakenUpIsNotNothing) {
+  const test::MadeValve valve;
+  // No law of the vocabulary changes the spool's own speed, and the fit follows it wherever it is.
+  test::MadeValve slow = valve;
+  slow.parameters.spool.natural_frequency_rad_s *= 0.5;
+  slow.parameters.spool.damping_ratio *= 0.6;
+  const auto recordings = test::session(slow, kNoise_psi, 5);
+  const Discrepancy found = diagnosed(recordings, Population(recordings, valve)).discrepancy;
+  EXPECT_EQ(found.conclusion, Conclusion::kUnexplained);
+  EXPECT_TRUE(std::any_of(found.findings.begin(), found.findings.end(), [](const Finding& finding) {
+    return finding.what.starts_with("natural_frequency_rad_s below good valves'");
+  }));
+  // Around a fit that has taken it up no size is excluded.
+  for (const Candidate& candidate : found.candidates) EXPECT_TRUE(candidate.upper_limit95.empty()) << candidate.cause;
+}
+
+/// Good valves' mean, with one entry so many of their standard deviations off.
+OwnParameters own_with(Eigen::Index entry, double deviations) {
+  const test::MadeValve valve;
+  const Population population(test::session(valve, kNoise_psi, 3), valve);
+  const ValvePrior& good = *population.options.prior;
+  Eigen::VectorXd v = good.mean;
+  v(entry) += deviations * std::sqrt(good.covariance(entry, entry));
+  return own_parameters_of(v, {.fit = population.options, .good_valves = 8, .causes = {}, .leftovers = {}});
+}
+
+TEST(OwnParameters, AreThoseOfAGoodValveUpToWhatEightOfThemTell) {
+  constexpr Eigen::Index kSupply = 6, kKnot = 8 + 20;
+  for (const Eigen::Index entry : {kSupply, kKnot}) {
+    // Student's t of seven freedoms beyond 8, twice, over about sixty entries.
+    EXPECT_GT(own_with(entry, 7).p_value, kFalseAlarm) << entry;
+    EXPECT_LT(own_with(entry, -10).p_value, kFalseAlarm) << entry;
+  }
+  EXPECT_EQ(own_with(kSupply, 3).findings.size(), 0u);
+  ASSERT_EQ(own_with(kSupply, -10).findings.size(), 1u);
+  EXPECT_EQ(own_with(kSupply, -10).findings.front().what,
+            "supply_psi below good valves' by 10 of their standard deviations");
+  EXPECT_TRUE(own_with(kKnot, 12).findings.front().what.starts_with("the map at "));
+}
+
+TEST(OwnParameters, ALoopThatNoGoodValveHasIsNotOddByLessThanDifferencesTell) {
+  const test::MadeValve valve;
+  Population population(test::session(valve, kNoise_psi, 3), valve);
+  constexpr Eigen::Index kLoop = 3;
+  ValvePrior& good = *population.options.prior;
+  good.mean(kLoop) = 0;
+  good.covariance(kLoop, kLoop) = 1e-18;
+  const auto p_value_of_loop = [&](double width_a) {
+    Eigen::VectorXd v = good.mean;
+    v(kLoop) = width_a;
+    return own_parameters_of(v, {.fit = population.options, .good_valves = 8, .causes = {}, .leftovers = {}}).p_value;
+  };
+  EXPECT_GT(p_value_of_loop(2e-6), kFalseAlarm);
+  EXPECT_LT(p_value_of_loop(2e-5), kFalseAlarm);
 }
 
 TEST(ValveDiagnosis, EqualRecordingsGiveEqualBits) {

@@ -1,0 +1,64 @@
+#include "core/discrepancy/own_parameters.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <boost/math/distributions/students_t.hpp>
+#include <cmath>
+#include <limits>
+#include <string>
+#include <utility>
+
+#include "core/identify/valve_fit.h"
+
+namespace valvetriage {
+namespace {
+
+using Eigen::Index;
+
+constexpr Index kParameters = static_cast<Index>(kValveParameters.size());
+// What a fit's differences are taken over [A]: a loop that all good valves have none of has no smaller spread.
+constexpr double kLeastLoopSpread_a = 1e-6;
+constexpr double kWorthAFinding = 0.01;
+constexpr const char* kWhere = "the valve's own parameters";
+
+}  // namespace
+
+OwnParameters own_parameters_of(const Eigen::VectorXd& v, const ValveDiagnosisOptions& options) {
+  OwnParameters own;
+  if (!options.fit.prior || options.good_valves < 2) return own;
+  const ValvePrior& good = *options.fit.prior;
+  const auto tests = static_cast<double>(good.mean.size());
+  const boost::math::students_t student(options.good_valves - 1);
+  Finding of_map;
+  for (Index j = 0; j < good.mean.size(); ++j) {
+    const bool is_parameter = j < kParameters;
+    double spread = std::sqrt(good.covariance(j, j));
+    if (is_parameter && kValveParameters[static_cast<std::size_t>(j)].unit == "A") {
+      spread = std::max(spread, kLeastLoopSpread_a);
+    }
+    const double t = (v(j) - good.mean(j)) / spread;
+    const double p = std::min(1.0, tests * 2 * boost::math::cdf(boost::math::complement(student, std::abs(t))));
+    own.p_value = std::min(own.p_value, p);
+    if (p >= kWorthAFinding) continue;
+    Finding finding{.where = kWhere,
+                    .statistic = t,
+                    .p_value = p,
+                    .share_of_structured_residual = std::numeric_limits<double>::quiet_NaN()};
+    if (is_parameter) {
+      finding.what =
+          fmt::format("{} {} good valves' by {:.0f} of their standard deviations",
+                      kValveParameters[static_cast<std::size_t>(j)].name, t > 0 ? "above" : "below", std::abs(t));
+      own.findings.push_back(std::move(finding));
+    } else if (std::abs(t) > std::abs(of_map.statistic)) {
+      const double input_a = options.fit.knots[static_cast<std::size_t>(j - kParameters)];
+      finding.what = fmt::format("the map at {:.3g} A {} good valves' by {:.0f} of their standard deviations", input_a,
+                                 t > 0 ? "above" : "below", std::abs(t));
+      of_map = std::move(finding);
+    }
+  }
+  if (!of_map.what.empty()) own.findings.push_back(std::move(of_map));
+  return own;
+}
+
+}  // namespace valvetriage
