@@ -6,11 +6,14 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <optional>
 
 #include "core/discrepancy/advise.h"
 #include "core/discrepancy/machine_conclusion.h"
 #include "core/discrepancy/machine_feedback.h"
+#include "core/discrepancy/machine_linear.h"
 #include "core/discrepancy/machine_report.h"
+#include "core/discrepancy/machine_sticking_loop.h"
 #include "core/mechanisms/mechanism.h"
 #include "core/residual/noise_floor.h"
 
@@ -154,6 +157,14 @@ Extension extend(const MachineData& searched, const MachineData& whole, const Ma
   return extension;
 }
 
+/// A winner whose law is not told by free runs: as it stands.
+Extension unrefined(const MachineData& searched, const MachineData& whole, const MachineScore& winner,
+                    MachineBudget& budget) {
+  Extension extension{.data = whole, .fit = on_whole_records(searched, whole, winner.fit, budget)};
+  extension.covariance = parameter_covariance(whole, whole.all_rows(), extension.fit);
+  return extension;
+}
+
 /// Free run of one record on its recording's grid, in its own unit.
 std::vector<double> on_grid(const MachineData& data, const MachineFit& fit, std::size_t record, std::size_t samples) {
   const auto y = run_record(data, record, fit);
@@ -249,6 +260,41 @@ std::vector<NamedCause> causes_of(std::span<const Recording> recordings, const M
     causes.push_back(std::move(cause));
   }
   return causes;
+}
+
+bool has_friction(const MachineVerdict& verdict) {
+  if (!verdict.winner) return false;
+  const auto& causes = verdict.winner->causes;
+  return std::find(causes.begin(), causes.end(), "friction") != causes.end();
+}
+
+/// A sticking valve that the loop tells, with the process behind it as well as a free run can tell that.
+std::optional<MachineScore> score_of(const StickingLoop& loop, const MachineData& data, const MachineGround& ground,
+                                     MachineBudget& budget) {
+  MachineScore score{.causes = {"friction"}, .place = "on the input"};
+  score.fit = held_input_friction(data, ground, loop.breakaway / data.input_scale, loop.kinetic / data.input_scale);
+  if (score.fit.failed) return std::nullopt;
+  evaluate_machine(data, data.all_rows(), score.fit, budget);
+  if (score.fit.failed) return std::nullopt;
+  hold_out(data, score, budget);
+  return score;
+}
+
+/// What the loop tells stands in place of what a free run, that does not see it, makes of it.
+void tell_loop(const StickingLoop& loop, NamedCause& friction) {
+  for (auto& [name, estimate] : friction.parameters) {
+    if (name != "breakaway_A" && name != "kinetic_A") continue;
+    estimate.ci95 = name == "breakaway_A" ? loop.breakaway_ci95 : loop.kinetic_ci95;
+    estimate.std_error = (estimate.ci95[1] - estimate.ci95[0]) / 2 / 1.96;
+  }
+  friction.evidence = {
+      fmt::format("in the loop, one step ahead and under noise of any colour: the output follows what a sticking valve "
+                  "passes on of the input, log likelihood {:.0f} above the input itself, better on {} of {} stretches",
+                  loop.log_gain, loop.won, loop.blocks),
+      fmt::format("the valve stands on {:.0f} % of the samples while the input moves; nothing else in the loop drives "
+                  "such a memory as well, and the input adds nothing to it",
+                  100 * loop.rest_share),
+      "free runs do not show it: a linear machine foretells the output through the controller's answer"};
 }
 
 std::vector<std::string> trace_of(const MachineSearch& search, const MachineData& data) {
@@ -361,6 +407,11 @@ Result<MachineDiagnosis> diagnose_machine(std::span<const Recording> recordings,
   const double noise = pooled_noise(recordings, loop, runs_of(recordings, whole, linear));
   const double scale = data.output_scale;
   MachineVerdict verdict = conclude(search, data, noise / scale, feedback);
+  std::optional<StickingLoop> sticking;
+  std::optional<MachineScore> friction;
+  if (feedback && !has_friction(verdict) && recordings.size() == 1) sticking = sticking_loop(recordings.front());
+  if (sticking) friction = score_of(*sticking, data, search.ground, budget);
+  if (friction) verdict = conclude_sticking(std::move(verdict), *friction, *sticking);
 
   MachineDiagnosis diagnosis;
   Discrepancy& discrepancy = diagnosis.discrepancy;
@@ -378,10 +429,12 @@ Result<MachineDiagnosis> diagnose_machine(std::span<const Recording> recordings,
   if (options.trace) diagnosis.trace = trace_of(search, data);
   if (!verdict.winner) return diagnosis;
 
-  const Extension extension = extend(data, whole, *verdict.winner, budget);
+  const Extension extension =
+      friction ? unrefined(data, whole, *friction, budget) : extend(data, whole, *verdict.winner, budget);
   gain.rmse_extended = held_out_rms(*verdict.winner) * scale;
   measure_reduction(search.linear, *verdict.winner, gain);
   discrepancy.causes = causes_of(recordings, search, verdict, extension);
+  if (friction) tell_loop(*sticking, discrepancy.causes.front());
   diagnosis.extended_model = model_of(recordings, extension, *verdict.winner);
   diagnosis.extended = runs_of(recordings, whole, extension.fit);
   if (verdict.conclusion == Conclusion::kAmbiguous) {

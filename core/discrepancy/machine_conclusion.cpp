@@ -525,4 +525,33 @@ MachineVerdict conclude(const MachineSearch& search, const MachineData& data, do
   return alone.conclusion == Conclusion::kNamed ? alone : verdict;
 }
 
+MachineVerdict conclude_sticking(MachineVerdict by_free_runs, const MachineScore& friction, const StickingLoop& loop) {
+  constexpr double kLeastRival = 0.1, kMostRival = 0.5;  // of friction's weight: a loop settles no name
+  MachineVerdict verdict = std::move(by_free_runs);
+  verdict.conclusion = Conclusion::kAmbiguous;
+  verdict.winner = &friction;
+  verdict.alternatives = {{"backlash", "hysteresis"}};
+  verdict.p_value = loop.p_value;
+  const double play = std::clamp(std::exp(loop.log_gain_play - loop.log_gain), kLeastRival, kMostRival);
+  double sum = 0;
+  for (const char* cause : {"friction", "backlash", "hysteresis"}) {
+    const bool known = std::any_of(verdict.candidates.begin(), verdict.candidates.end(),
+                                   [&](const Candidate& candidate) { return candidate.cause == cause; });
+    if (!known) verdict.candidates.push_back(row(cause, std::numeric_limits<double>::quiet_NaN()));
+  }
+  for (Candidate& candidate : verdict.candidates) {
+    double weight = candidate.cause == "none" ? std::exp(-loop.log_gain) : 0;
+    if (candidate.cause == "backlash" || candidate.cause == "hysteresis") weight = play;
+    if (candidate.cause == "friction") {
+      weight = 1;
+      candidate.rmse_heldout = held_out_rms(friction);
+      candidate.reason.clear();
+    }
+    candidate.probability = weight;
+    sum += weight;
+  }
+  for (Candidate& candidate : verdict.candidates) candidate.probability /= sum;
+  return verdict;
+}
+
 }  // namespace valvetriage

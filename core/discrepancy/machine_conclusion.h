@@ -5,6 +5,7 @@
 
 #include "core/discrepancy/discrepancy.h"
 #include "core/discrepancy/machine_search.h"
+#include "core/discrepancy/machine_sticking_loop.h"
 
 namespace valvetriage {
 
@@ -21,5 +22,11 @@ struct MachineVerdict {
 /// noise_rms  irreducible noise, scaled units
 /// feedback   the input follows the output: nothing is named, memory laws stay ambiguous
 MachineVerdict conclude(const MachineSearch& search, const MachineData& data, double noise_rms, bool feedback);
+
+/// The verdict where the loop itself tells that its valve sticks (machine_sticking_loop.h), whatever free runs tell:
+/// `friction`, beside what else holds an input back. A regulated loop settles no name.
+///
+/// friction  the valve and the process behind it; must outlive the verdict
+MachineVerdict conclude_sticking(MachineVerdict by_free_runs, const MachineScore& friction, const StickingLoop& loop);
 
 }  // namespace valvetriage

@@ -93,8 +93,7 @@ class Search {
   }
 
   std::vector<Held> coarse() const {
-    std::vector<double> lags(kLagsSamples.begin(), kLagsSamples.end());
-    lags.push_back(kIntegrates);
+    const std::vector<double> lags = all_lags();
     std::vector<Held> tried;
     for (double share = kLeastBand; share < kMostBand; share *= kBandRatio) {
       for (const double jump : kJumps) {
@@ -108,6 +107,8 @@ class Search {
     std::stable_sort(tried.begin(), tried.end(), [](const auto& a, const auto& b) { return a.left < b.left; });
     return tried;
   }
+
+  Held behind(const Stick& stick) const { return judged(stick, all_lags(), least_delay_, kDelays, kLinearRows); }
 
   /// Slips come or do not come: the cost has no slope in what they hang on, and is searched by ever smaller steps.
   Held refined(Held best) const {
@@ -152,6 +153,12 @@ class Search {
   }
 
  private:
+  static std::vector<double> all_lags() {
+    std::vector<double> lags(kLagsSamples.begin(), kLagsSamples.end());
+    lags.push_back(kIntegrates);
+    return lags;
+  }
+
   std::vector<double> held_input(const Stick& stick, std::size_t record) const {
     std::vector<double> held(data_.records[record].input.size());
     run_block(block_of(stick), data_.period_s, {}, std::span(&stick.hold, 1), data_.records[record].input, held);
@@ -210,6 +217,17 @@ std::vector<MachineFit> held_input_frictions(const MachineData& data, const Mach
     if (!fit.failed) fits.push_back(std::move(fit));
   }
   return fits;
+}
+
+MachineFit held_input_friction(const MachineData& data, const MachineGround& ground, double breakaway, double kinetic) {
+  const Search search(data, ground);
+  const Held held = search.behind({.band = breakaway + kinetic, .jump = breakaway - kinetic, .hold = 0});
+  MachineFit fit;
+  fit.failed = !std::isfinite(held.left);
+  if (fit.failed) return fit;
+  fit = search.solved(held);
+  std::erase_if(fit.free, [](const FreeParameter& p) { return p.block == 0; });
+  return fit;
 }
 
 }  // namespace valvetriage

@@ -28,4 +28,8 @@ bool solve_linear(const MachineData& data, LinearMachine& machine);
 /// once with its delay. In a loop that cycles by friction, a linear machine of the input itself is far from it.
 std::vector<MachineFit> held_input_frictions(const MachineData& data, const MachineGround& ground);
 
+/// One lag and delay behind friction on the input of known breakaway and kinetic level, which stay as they are; failed
+/// where nothing fits.
+MachineFit held_input_friction(const MachineData& data, const MachineGround& ground, double breakaway, double kinetic);
+
 }  // namespace valvetriage

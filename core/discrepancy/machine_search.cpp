@@ -32,40 +32,6 @@ constexpr double kWorthADelay = 1e-3;    // of the squared error
 constexpr double kWorthAnOrder = 0.005;  // of the held-out error
 constexpr double kRounding = 1e-9;       // of the output's deviation: what an exact model leaves
 
-/// Runs the fit's folds: refitted without the judged rows, judged on them.
-void hold_out(const MachineData& data, MachineScore& score, MachineBudget& budget) {
-  score.log_rms.clear();
-  score.gaps.clear();
-  for (const MachineFold& fold : data.folds) {
-    MachineFit fit = score.fit;
-    refine_machine(data, fold.fit, kFoldIterations, fit, budget);
-    if (fold.whole_records) {
-      MachineRows judged(data.records.size());
-      for (const auto& group : fold.judged) {
-        judged[group.record].insert(judged[group.record].end(), group.rows.begin(), group.rows.end());
-      }
-      refine_starts(data, judged, kStartIterations, fit, budget);
-    }
-    std::vector<std::vector<double>> runs(data.records.size());
-    for (const auto& group : fold.judged) {
-      auto& run = runs[group.record];
-      if (run.empty()) run = run_record(data, group.record, fit);
-      std::vector<double> gaps;
-      double squares = 0;
-      for (const std::size_t t : group.rows) {
-        gaps.push_back(data.records[group.record].output[t] - run[t]);
-        squares += gaps.back() * gaps.back();
-      }
-      score.gaps.push_back(std::move(gaps));
-      const double mean = squares / static_cast<double>(group.rows.size());
-      score.log_rms.push_back(std::isfinite(mean) ? 0.5 * std::log(mean + kRounding * kRounding) : 20);
-    }
-  }
-  score.mean = std::accumulate(score.log_rms.begin(), score.log_rms.end(), 0.0) /
-               static_cast<double>(std::max<std::size_t>(score.log_rms.size(), 1));
-  score.held_out = true;
-}
-
 /// Refines every fit so far and keeps the best of them.
 void narrow(const MachineData& data, int iterations, std::size_t kept, std::vector<MachineFit>& fits,
             MachineBudget& budget) {
@@ -315,6 +281,39 @@ void revise_linear(const MachineData& data, MachineSearch& search, MachineBudget
 }
 
 }  // namespace
+
+void hold_out(const MachineData& data, MachineScore& score, MachineBudget& budget) {
+  score.log_rms.clear();
+  score.gaps.clear();
+  for (const MachineFold& fold : data.folds) {
+    MachineFit fit = score.fit;
+    refine_machine(data, fold.fit, kFoldIterations, fit, budget);
+    if (fold.whole_records) {
+      MachineRows judged(data.records.size());
+      for (const auto& group : fold.judged) {
+        judged[group.record].insert(judged[group.record].end(), group.rows.begin(), group.rows.end());
+      }
+      refine_starts(data, judged, kStartIterations, fit, budget);
+    }
+    std::vector<std::vector<double>> runs(data.records.size());
+    for (const auto& group : fold.judged) {
+      auto& run = runs[group.record];
+      if (run.empty()) run = run_record(data, group.record, fit);
+      std::vector<double> gaps;
+      double squares = 0;
+      for (const std::size_t t : group.rows) {
+        gaps.push_back(data.records[group.record].output[t] - run[t]);
+        squares += gaps.back() * gaps.back();
+      }
+      score.gaps.push_back(std::move(gaps));
+      const double mean = squares / static_cast<double>(group.rows.size());
+      score.log_rms.push_back(std::isfinite(mean) ? 0.5 * std::log(mean + kRounding * kRounding) : 20);
+    }
+  }
+  score.mean = std::accumulate(score.log_rms.begin(), score.log_rms.end(), 0.0) /
+               static_cast<double>(std::max<std::size_t>(score.log_rms.size(), 1));
+  score.held_out = true;
+}
 
 double MachineScore::rms() const {
   return std::exp(mean);

@@ -30,6 +30,9 @@ struct MachineSearch {
   bool budget_spent = false;
 };
 
+/// Runs the folds of a score's fit: what is free in it refitted without the judged rows, judged on them.
+void hold_out(const MachineData& data, MachineScore& score, MachineBudget& budget);
+
 /// Rms over all judged samples, what a reader is told. No decision rests on it: one bad block would outweigh all
 /// others.
 double held_out_rms(const MachineScore& score);
