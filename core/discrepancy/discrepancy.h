@@ -18,6 +18,8 @@ namespace valvetriage {
 
 /// Where a finding stands that speaks of how the recordings were made or read, not of the valve: see recording_slip.h.
 inline constexpr std::string_view kStaticMap = "static map";
+/// Where a finding speaks of what the fit of a valve took up, and not of what it left.
+inline constexpr std::string_view kOwnParameters = "the valve's own parameters";
 
 enum class Conclusion { kNone, kNamed, kAmbiguous, kUnexplained };
 
@@ -85,9 +87,14 @@ struct Discrepancy {
   std::optional<NextTest> next_test;
 
   /// The finding that speaks of the recordings rather than of the valve; null where there is none.
-  const Finding* slip() const {
-    const auto found = std::find_if(findings.begin(), findings.end(),
-                                    [](const Finding& finding) { return finding.where == kStaticMap; });
+  const Finding* slip() const { return first_of(kStaticMap); }
+  /// The one that speaks of the valve's own parameters, which no good valve has; null where there is none.
+  const Finding* taken_up() const { return first_of(kOwnParameters); }
+
+ private:
+  const Finding* first_of(std::string_view where) const {
+    const auto found =
+        std::find_if(findings.begin(), findings.end(), [&](const Finding& finding) { return finding.where == where; });
     return found == findings.end() ? nullptr : &*found;
   }
 };

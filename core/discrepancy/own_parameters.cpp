@@ -20,7 +20,6 @@ constexpr Index kParameters = static_cast<Index>(kValveParameters.size());
 // What a fit's differences are taken over [A]: a loop that all good valves have none of has no smaller spread.
 constexpr double kLeastLoopSpread_a = 1e-6;
 constexpr double kWorthAFinding = 0.01;
-constexpr const char* kWhere = "the valve's own parameters";
 
 }  // namespace
 
@@ -41,7 +40,7 @@ OwnParameters own_parameters_of(const Eigen::VectorXd& v, const ValveDiagnosisOp
     const double p = std::min(1.0, tests * 2 * boost::math::cdf(boost::math::complement(student, std::abs(t))));
     own.p_value = std::min(own.p_value, p);
     if (p >= kWorthAFinding) continue;
-    Finding finding{.where = kWhere,
+    Finding finding{.where = std::string(kOwnParameters),
                     .statistic = t,
                     .p_value = p,
                     .share_of_structured_residual = std::numeric_limits<double>::quiet_NaN()};
@@ -58,6 +57,8 @@ OwnParameters own_parameters_of(const Eigen::VectorXd& v, const ValveDiagnosisOp
     }
   }
   if (!of_map.what.empty()) own.findings.push_back(std::move(of_map));
+  std::stable_sort(own.findings.begin(), own.findings.end(),
+                   [](const Finding& a, const Finding& b) { return std::abs(a.statistic) > std::abs(b.statistic); });
   return own;
 }
 

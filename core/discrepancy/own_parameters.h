@@ -11,7 +11,8 @@ namespace valvetriage {
 /// up in them and leave nothing: a lag as a slower volume, a loss of gain as a lower map.
 struct OwnParameters {
   double p_value = 1;             ///< in a good valve, over all parameters and knots (Bonferroni)
-  std::vector<Finding> findings;  ///< one per parameter that a good valve in a hundred has not, and one for the map
+  std::vector<Finding> findings;  ///< the farthest first: one per parameter that a good valve in a hundred has not,
+                                  ///< and one for the map
 };
 
 /// v  of a ValveFitProblem

@@ -82,7 +82,9 @@ std::string estimate_text(const ParameterEstimate& estimate) {
 /// What the simulation gets wrong: the conclusion, each cause with its rivals and parameters, the held-out gain.
 void append_discrepancy(const Discrepancy& discrepancy, const std::string& unit, std::string& page) {
   page += fmt::format("Discrepancy {}\n", to_string(discrepancy.conclusion));
-  if (const Finding* slip = discrepancy.slip()) page += fmt::format("  {}\n", slip->what);
+  for (const Finding* finding : {discrepancy.slip(), discrepancy.taken_up()}) {
+    if (finding) page += fmt::format("  {}\n", finding->what);
+  }
   for (const NamedCause& cause : discrepancy.causes) {
     page += fmt::format("  {} (probability {:.2f})", cause.cause, cause.probability);
     for (const std::string& rival : cause.alternatives) page += fmt::format(", or {}", rival);

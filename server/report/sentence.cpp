@@ -151,6 +151,12 @@ std::string discrepancy_sentence(const Discrepancy& discrepancy, const std::opti
       if (const Finding* slip = discrepancy.slip()) {
         return fmt::format("Something is wrong with the recordings rather than the valve: {}.", slip->what);
       }
+      if (const Finding* own = discrepancy.taken_up()) {
+        return fmt::format(
+            "Something is wrong that the simulation follows only with parameters that no good valve has: {}. It is not "
+            "known what makes them so; do not read a cause into this result.",
+            own->what);
+      }
       return "Something is wrong that no known cause explains. It is not known what; do not read a cause into this "
              "result.";
   }

@@ -110,6 +110,16 @@ TEST(Sentence, OfAnUnexplainedResultSaysThatItIsNotKnown) {
   EXPECT_EQ(summary.fault + summary.gain, "");
 }
 
+TEST(Sentence, OfAFaultThatTheFitTakesUpSaysWhichParameterIsOdd) {
+  Analysis analysis = with(Conclusion::kUnexplained);
+  analysis.discrepancy->findings.push_back(
+      {.what = "delay_s above good valves' by 17 of their standard deviations", .where = std::string(kOwnParameters)});
+  const Summary summary = summarise(analysis);
+  EXPECT_NE(summary.discrepancy.find("no good valve has: delay_s above good valves' by 17"), std::string::npos)
+      << summary.discrepancy;
+  EXPECT_NE(summary.discrepancy.find("do not read a cause into this"), std::string::npos);
+}
+
 TEST(Sentence, OfRecordingsThatNoValveMakesSaysWhatToCheck) {
   Analysis analysis = with(Conclusion::kUnexplained);
   analysis.discrepancy->findings.push_back(
