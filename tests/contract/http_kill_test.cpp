@@ -10,6 +10,8 @@
 #include <atomic>
 #include <chrono>
 #include <cstdlib>
+#include <fstream>
+#include <iterator>
 #include <map>
 #include <mutex>
 #include <random>
@@ -87,6 +89,11 @@ void upload_until(const std::atomic<bool>& over, int port, int client, std::atom
   }
 }
 
+std::string log_in(const test::TemporaryFolder& folder) {
+  std::ifstream log(folder.file("server.log"));
+  return {std::istreambuf_iterator<char>(log), {}};
+}
+
 TEST(HttpKill, LosesNoAcceptedRecordingAndAnalysesNoneIntoTwoResults) {
   const char* given = std::getenv("VALVETRIAGE_SEED");
   const unsigned seed = given ? static_cast<unsigned>(std::strtoul(given, nullptr, 10)) : std::random_device{}();
@@ -100,7 +107,7 @@ TEST(HttpKill, LosesNoAcceptedRecordingAndAnalysesNoneIntoTwoResults) {
   std::atomic<int> serial = 0;
   for (int i = 0; i < kKills; ++i) {
     ServerProcess server(folder.path());
-    ASSERT_NE(server.port(), 0) << "the server did not start again after kill " << i;
+    ASSERT_NE(server.port(), 0) << "the server did not start again after kill " << i << ":\n" << log_in(folder);
     std::atomic<bool> over = false;
     std::vector<std::thread> clients;
     for (int client = 0; client < kClients; ++client) {

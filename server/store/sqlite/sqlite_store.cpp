@@ -5,8 +5,10 @@
 #include <sys/file.h>
 #include <unistd.h>
 
+#include <chrono>
 #include <filesystem>
 #include <optional>
+#include <thread>
 #include <utility>
 
 #include "server/store/sqlite/lanes.h"
@@ -20,6 +22,14 @@ namespace {
 using sqlite::Connection;
 using sqlite::Write;
 
+using std::chrono::milliseconds;
+using std::chrono::steady_clock;
+
+/// A server that is killed between fork and exec of a child leaves its lock with that child until the child is next
+/// scheduled and sees its parent gone: whoever restarts the server at once comes before that on a busy machine.
+constexpr milliseconds kLockPatience{1000};
+constexpr milliseconds kLockPoll{10};
+
 /// Held as long as it lives; the kernel lets go of it with the process, however that ends.
 class FileLock {
  public:
@@ -27,8 +37,11 @@ class FileLock {
     const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0640);
     if (fd < 0) return fail("store_broken", fmt::format("cannot open the lock file {}", path));
     FileLock lock(fd);
-    if (::flock(fd, LOCK_EX | LOCK_NB) == 0) return lock;
-    return fail("store_locked", fmt::format("another valvetriage has this database open ({}): stop it first", path));
+    const auto last_try = steady_clock::now() + kLockPatience;
+    for (; ::flock(fd, LOCK_EX | LOCK_NB) != 0; std::this_thread::sleep_for(kLockPoll)) {
+      if (steady_clock::now() >= last_try) return held_by_another(path);
+    }
+    return lock;
   }
   FileLock(FileLock&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
   FileLock& operator=(FileLock&&) = delete;
@@ -38,6 +51,11 @@ class FileLock {
 
  private:
   explicit FileLock(int fd) : fd_(fd) {}
+
+  static tl::unexpected<Error> held_by_another(const std::string& path) {
+    return fail("store_locked", fmt::format("another valvetriage has this database open ({}): stop it first", path));
+  }
+
   int fd_;
 };
 

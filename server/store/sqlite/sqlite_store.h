@@ -17,7 +17,8 @@ struct SqliteOptions {
 };
 
 /// Opens the database of one server: WAL, synchronous=FULL, one connection that alone writes, commits and checkpoints.
-/// The file `<database_file>.lock` is held locked as long as the store lives, so that a second server is refused.
+/// The file `<database_file>.lock` is held locked as long as the store lives, so that a second server is refused;
+/// a lock that is let go of within a second is waited for.
 ///
 /// Errors  `store_locked` another server has it; `schema_too_new` a newer version wrote it; `schema_too_old` it needs
 ///         `valvetriage migrate` (only with migrate = false); `store_broken`; `no_space`

@@ -1,6 +1,8 @@
 #include "server/store/sqlite/migrate.h"
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
+#include <sys/file.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -119,6 +121,19 @@ TEST_F(Migrate, LetsOnlyOneServerHaveADatabase) {
   const auto second = open_sqlite_store(file());
   ASSERT_FALSE(second);
   EXPECT_EQ(second.error().code, "store_locked");
+}
+
+TEST_F(Migrate, WaitsForTheChildThatAKilledServerLeftBeforeItsExec) {
+  const int lock = ::open((file() + ".lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0640);
+  ASSERT_EQ(::flock(lock, LOCK_EX | LOCK_NB), 0);
+  const pid_t child = ::fork();  // shares the lock until it ends
+  if (child == 0) {
+    ::usleep(200'000);
+    ::_exit(0);
+  }
+  ::close(lock);
+  EXPECT_TRUE(open_sqlite_store(file()));
+  ::waitpid(child, nullptr, 0);
 }
 
 TEST_F(Migrate, LetsAReaderInBesideTheServerButNotWrite) {
