@@ -39,13 +39,6 @@ struct Member {
   bool used = true;
 };
 
-VectorXd parameter_vector(const ValveFit& fit) {
-  const auto knots = static_cast<Index>(fit.map.output.size());
-  VectorXd vector(kParameters + knots);
-  vector << to_vector(fit.parameters), Eigen::Map<const VectorXd>(fit.map.output.data(), knots);
-  return vector;
-}
-
 Result<ValveFit> fit_member(const ValveRecordings& valve, const ValveFitOptions& options) {
   auto fit = fit_valve(valve.recordings, options);
   if (!fit) {
@@ -353,7 +346,7 @@ Result<std::vector<Member>> fit_members(std::span<const ValveRecordings> valves,
     auto fit = fit_member(valve, options);
     if (!fit) return tl::unexpected(fit.error());
     Member member{.valve = &valve, .fit = std::move(*fit)};
-    member.vector = parameter_vector(member.fit);
+    member.vector = member.fit.vector.head(kParameters + static_cast<Index>(member.fit.map.output.size()));
     if (!options.start) options.start = member.fit.parameters;
     members.push_back(std::move(member));
   }

@@ -21,12 +21,15 @@ inline constexpr std::string_view kStaticMap = "static map";
 /// Where a finding speaks of what the fit of a valve took up, and not of what it left.
 inline constexpr std::string_view kOwnParameters = "the valve's own parameters";
 
+/// Standard errors to either side of a 95 % interval.
+inline constexpr double kTwoSided95 = 1.96;
+
 enum class Conclusion { kNone, kNamed, kAmbiguous, kUnexplained };
 
 struct ParameterEstimate {
   double value = 0;
   std::string text;      ///< instead of a value: the channel of `side_input`
-  double std_error = 0;  ///< of fit and law: half the interval over 1.96, before that ends where the law does
+  double std_error = 0;  ///< of fit and law: half the interval over kTwoSided95, before that ends where the law does
   std::array<double, 2> ci95{};
   std::string unit;
   double population_mean = 0;

@@ -285,7 +285,7 @@ void tell_loop(const StickingLoop& loop, NamedCause& friction) {
   for (auto& [name, estimate] : friction.parameters) {
     if (name != "breakaway_A" && name != "kinetic_A") continue;
     estimate.ci95 = name == "breakaway_A" ? loop.breakaway_ci95 : loop.kinetic_ci95;
-    estimate.std_error = (estimate.ci95[1] - estimate.ci95[0]) / 2 / 1.96;
+    estimate.std_error = (estimate.ci95[1] - estimate.ci95[0]) / (2 * kTwoSided95);
   }
   friction.evidence = {
       fmt::format("in the loop, one step ahead and under noise of any colour: the output follows what a sticking valve "

@@ -37,7 +37,7 @@ class Writer {
 
   void add_value(const std::string& name, double value, double error, const std::string& unit) {
     ParameterEstimate estimate{.value = value, .std_error = error, .unit = unit};
-    estimate.ci95 = {value - 1.96 * error, value + 1.96 * error};
+    estimate.ci95 = {value - kTwoSided95 * error, value + kTwoSided95 * error};
     estimate.population_mean = estimate.population_sd = kUnknown;
     estimates.emplace_back(name, estimate);
   }

@@ -575,9 +575,9 @@ ValveDiagnosis conclude(const SearchedValve& searched, const ValveDiagnosisOptio
   ValveDiagnosis diagnosis;
   Discrepancy& discrepancy = diagnosis.discrepancy;
   discrepancy.gain = measure_gain(searched.baseline, explanation);
-  const OwnParameters own = own_parameters_of(explanation.v, options);
   // A fault that the fit has taken up leaves nothing: the valve is odd where its residual is not.
-  const bool is_taken_up = explanation.laws.empty() && own.p_value < kFalseAlarm;
+  const OwnParameters own = explanation.laws.empty() ? own_parameters_of(explanation.v, options) : OwnParameters{};
+  const bool is_taken_up = own.p_value < kFalseAlarm;
   const bool explained = !is_taken_up && is_explained(grounds, linear, leftover, findings, discrepancy.gain);
   for (std::size_t l = 0; l < explanation.laws.size(); ++l) {
     discrepancy.causes.push_back(named_cause(grounds, l, explained));
@@ -592,9 +592,7 @@ ValveDiagnosis conclude(const SearchedValve& searched, const ValveDiagnosisOptio
 
   discrepancy.findings = std::move(findings);
   discrepancy.findings.insert(discrepancy.findings.end(), leftover.findings.begin(), leftover.findings.end());
-  if (explanation.laws.empty()) {
-    discrepancy.findings.insert(discrepancy.findings.end(), own.findings.begin(), own.findings.end());
-  }
+  discrepancy.findings.insert(discrepancy.findings.end(), own.findings.begin(), own.findings.end());
   measure_each(searched, discrepancy);
   discrepancy.candidates = candidates_of(grounds, discrepancy, leftover, linear, is_taken_up);
   discrepancy.next_test = next_test(grounds, discrepancy.causes, leftover.p_value > kUsualLeftover);

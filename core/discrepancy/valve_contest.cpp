@@ -36,7 +36,6 @@ constexpr double kMostOff = 2;
 // And beside those that promise most this many of those whose simulations are known to bring most.
 constexpr std::size_t kSurestJointFits = 2;
 constexpr double kLeastForecast = 0.05;
-constexpr std::size_t kGoodValveJointFits = 3;
 // A search that noise alone gives this much takes more than fifty instants or tones.
 constexpr double kLongSearch = 8;
 // A residual this many times slower than white noise has bent the baseline.
@@ -720,22 +719,18 @@ GoodValveSurvey survey_good_valve(std::span<const Recording> recordings, const V
                                   const ValveFitOptions& options) {
   const Explanation nothing = explain_nothing(recordings, options, fit);
   const LinearisedValve linear(*nothing.problem, nothing.v);
-  Survey survey = survey_laws(linear, *nothing.options);
-  // As a diagnosis does it: those that promise most are fitted together with the valve.
-  const auto forecast = [](const Tested& tested) { return std::max(tested.evidence.value, tested.promise.value); };
-  std::stable_sort(survey.tested.begin(), survey.tested.end(),
-                   [&](const Tested& a, const Tested& b) { return forecast(a) > forecast(b); });
+  const Survey survey = survey_laws(linear, *nothing.options);
   GoodValveSurvey seen;
-  for (std::size_t i = 0; i < survey.tested.size(); ++i) {
-    const Tested& tested = survey.tested[i];
+  for (const Tested& tested : survey.tested) {
     const Mechanism& law = *tested.fit.law.law;
     Evidence evidence = tested.evidence;
     double size = tested.size();
     VectorXd valve = tested.fit.baseline;
-    // A forecast that the simulation bears out needs no fit of everything together. A law of memory does: the valve's
-    // own loop can take its place, which no forecast sees.
-    const bool is_open = i < kGoodValveJointFits && forecast(tested) > kLeastEvidence &&
-                         tested.evidence.value < 0.5 * tested.promise.value;
+    // A forecast that the simulation bears out needs no fit of everything together; every other one gets it, as a
+    // returned valve's may: a law that good valves owe to the simplicity of the model, a dead band at a knee that is
+    // sharper than the map's knots, shows itself in no other way. So does a law of memory: the valve's own loop can
+    // take its place, which no forecast sees.
+    const bool is_open = tested.promise.value > kLeastEvidence && tested.evidence.value < 0.5 * tested.promise.value;
     if (is_open || law.family == "memory") {
       const std::vector<JointStart> starts{{nothing.v, tested.fit.shape}};
       const Explanation fitted = extend(nothing, tested.fit, kJointSteps, nothing.cost, starts);

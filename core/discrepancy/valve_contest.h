@@ -121,7 +121,5 @@ inline constexpr double kUsualLeftover = 0.05;
 /// Noise variances by which two things must differ to be told apart: five standard errors. Eight good valves that show
 /// nothing of a cause do not say how rarely a good valve does; a law is never the whole physics.
 inline constexpr double kLeastEvidence = 25;
-/// Standard errors to either side of a 95 % interval.
-inline constexpr double kTwoSided95 = 1.96;
 
 }  // namespace valvetriage

@@ -226,9 +226,9 @@ Result<ValveFit> fit_valve(std::span<const Recording> recordings, const ValveFit
   fit.iterations = best.iterations;
   const MatrixXd inverse = problem.linearise(best.v).a.ldlt().solve(MatrixXd::Identity(problem.size(), problem.size()));
   fit.covariance = inverse.topLeftCorner(problem.baseline_size(), problem.baseline_size());
+  fit.vector = best.v;
   make_monotone(best.v, fit.covariance, ValveFitProblem::kParameters, problem.knots());
   fit.parameters = to_parameters(best.v.head(ValveFitProblem::kParameters), options.reference_psi, options.usual);
-  fit.vector = best.v;
   for (std::size_t j = 0; j < fit.at_bound.size(); ++j) {
     fit.at_bound[j] = problem.is_at_bound(best.v, static_cast<Index>(j));
   }

@@ -103,7 +103,9 @@ struct ValveFit {
   std::vector<std::vector<double>> simulated;  ///< free run on each recording's grid, from its estimated initial state
   double rmse = 0;                             ///< over all valid samples [psi]
   std::array<bool, kValveParameters.size()> at_bound{};  ///< which parameters end where their bounds hold them
-  Eigen::VectorXd vector;                                ///< everything fitted, in the order of ValveFitProblem
+  /// Everything fitted, in the order of ValveFitProblem, the map as the samples have it: not made to rise, as none is
+  /// that is fitted together with a law.
+  Eigen::VectorXd vector;
   FitTermination termination = FitTermination::kConverged;
   int iterations = 0;
 };

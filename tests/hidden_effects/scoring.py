@@ -58,7 +58,8 @@ def judge(case, analysis, truth):
     hidden = [name for name, _ in case.effects]
     outcome = {"case": case.case, "kind": case.kind, "hidden": hidden, "sizes": [size for _, size in case.effects],
                "decoy": case.decoys[0][0] if case.decoys else "", "d": none_if_nan(case.d),
-               "d_weaker": none_if_nan(case.d_weaker), "d_name": none_if_nan(case.d_name), "rival": case.rival, "oracle_set": none_if_nan(case.oracle_set),
+               "d_weaker": none_if_nan(case.d_weaker), "d_name": none_if_nan(case.d_name), "rival": case.rival,
+               "oracle_set": none_if_nan(case.oracle_set),
                "conclusion": None, "said": [], "confident_wrong": False, "set_size": None, "truth_inside": False,
                "parameters": [], "top_candidates": [], "closed_share": None, "seconds": None, "failure": None}
     if analysis is None:

@@ -517,12 +517,17 @@ TEST(ValveDiagnosis, ASizeThatIsExcludedWouldHaveBeenFound) {
   }
 }
 
-TEST(ValveDiagnosis, TheGainCarriesOverToAKindOfTestThatWasNotFitted) {
+/// A session whose gauge reads 6 psi too much.
+ValveDiagnosis diagnosed_with_sensor_off(unsigned seed) {
   const test::MadeValve valve;
-  const auto healthy = test::session(valve, kNoise_psi, 9);
+  const auto healthy = test::session(valve, kNoise_psi, seed);
   const Population population(healthy, valve);
   const auto spoiled = with_cause(healthy, population.model(valve), {.cause = "sensor_offset", .parameters = {6}});
-  const Discrepancy found = diagnosed(spoiled, population).discrepancy;
+  return diagnosed(spoiled, population);
+}
+
+TEST(ValveDiagnosis, TheGainCarriesOverToAKindOfTestThatWasNotFitted) {
+  const Discrepancy found = diagnosed_with_sensor_off(9).discrepancy;
   ASSERT_FALSE(found.gain.transfer.empty());
   for (const Transfer& transfer : found.gain.transfer) {
     EXPECT_NE(transfer.from.find(transfer.to), 0u);
@@ -531,11 +536,7 @@ TEST(ValveDiagnosis, TheGainCarriesOverToAKindOfTestThatWasNotFitted) {
 }
 
 TEST(ValveDiagnosis, WithoutItsCauseTheExtendedModelIsOffByTheCause) {
-  const test::MadeValve valve;
-  const auto healthy = test::session(valve, kNoise_psi, 9);
-  const Population population(healthy, valve);
-  const auto spoiled = with_cause(healthy, population.model(valve), {.cause = "sensor_offset", .parameters = {6}});
-  const ValveDiagnosis diagnosis = diagnosed(spoiled, population);
+  const ValveDiagnosis diagnosis = diagnosed_with_sensor_off(9);
   ASSERT_EQ(diagnosis.discrepancy.causes.size(), 1u);
   ASSERT_EQ(diagnosis.without_cause.size(), 1u);
   const double offset = diagnosis.discrepancy.causes.front().parameters.front().second.value;
@@ -543,11 +544,7 @@ TEST(ValveDiagnosis, WithoutItsCauseTheExtendedModelIsOffByTheCause) {
 }
 
 TEST(ValveDiagnosis, BesideANamedCauseASecondMayBeTooSmallToSee) {
-  const test::MadeValve valve;
-  const auto healthy = test::session(valve, kNoise_psi, 5);
-  const Population population(healthy, valve);
-  const auto spoiled = with_cause(healthy, population.model(valve), {.cause = "sensor_offset", .parameters = {6}});
-  const Discrepancy found = diagnosed(spoiled, population).discrepancy;
+  const Discrepancy found = diagnosed_with_sensor_off(5).discrepancy;
   ASSERT_EQ(found.conclusion, Conclusion::kNamed);
   EXPECT_GT(found.causes.front().probability, 0.95);
   double sum = 0, together = 0;

@@ -51,6 +51,20 @@ TEST(ValveFit, AMapIsNeverDecreasing) {
   for (std::size_t k = 1; k < fit->map.output.size(); ++k) EXPECT_GE(fit->map.output[k], fit->map.output[k - 1]);
 }
 
+TEST(ValveFit, WhereTheMapIsMadeToRiseTheFittedVectorStaysAtTheLeastCost) {
+  // A law that is fitted together with the valve may not be credited with what the rising map costs.
+  const auto recordings = test::session({.scale = 0.01}, kNoise_psi, 31);
+  const ValveFitOptions options = options_for(recordings);
+  const auto fit = fit_valve(recordings, options);
+  ASSERT_TRUE(fit);
+  const ValveFitProblem problem(recordings, options);
+  Eigen::VectorXd rising = fit->vector;
+  for (Eigen::Index k = 0; k < problem.knots(); ++k) {
+    rising(ValveFitProblem::kParameters + k) = fit->map.output[static_cast<std::size_t>(k)];
+  }
+  EXPECT_GT(problem.cost(rising), problem.cost(fit->vector) + 1);
+}
+
 TEST(ValveFit, SamplesThatAreNotValidDoNotMoveIt) {
   auto recordings = test::session({}, kNoise_psi, 41);
   const auto clean = fit_valve(recordings, options_for(recordings));
