@@ -47,17 +47,30 @@ VectorXd samples_at_knots(const Explanation& explanation) {
   return count;
 }
 
-/// An explanation's map against good valves': fitted = ratio · good + constant.
+VectorXd fitted_map(const Explanation& explanation) {
+  return explanation.v.segment(ValveFitProblem::kParameters, explanation.problem->knots());
+}
+
+/// The nearest map that falls nowhere.
+VectorXd rising_map(const Explanation& explanation, const VectorXd& samples) {
+  const VectorXd map = fitted_map(explanation);
+  const VectorXd weights = samples.array() + 1e-6;
+  const std::vector<double> rising =
+      monotone_regression(std::span(map.data(), static_cast<std::size_t>(map.size())),
+                          std::span(weights.data(), static_cast<std::size_t>(map.size())));
+  return Eigen::Map<const VectorXd>(rising.data(), map.size());
+}
+
+/// A map against good valves': map = ratio · good + constant.
 struct MapsCompared {
   double ratio = kUnknown;
   double correlation = 0;
 };
-MapsCompared compare_maps(const Explanation& explanation, const VectorXd& samples) {
-  const Index knots = explanation.problem->knots();
+MapsCompared compare_maps(const VectorXd& map, const ValvePrior& population, const VectorXd& samples) {
   const double total = samples.sum();
-  const auto centred = [&](const VectorXd& map) -> VectorXd { return map.array() - samples.dot(map) / total; };
-  const VectorXd fitted = centred(explanation.v.segment(ValveFitProblem::kParameters, knots));
-  const VectorXd good = centred(explanation.options->prior->mean.tail(knots));
+  const auto centred = [&](const VectorXd& any) -> VectorXd { return any.array() - samples.dot(any) / total; };
+  const VectorXd fitted = centred(map);
+  const VectorXd good = centred(population.mean.tail(map.size()));
   const double of_both = samples.dot(fitted.cwiseProduct(good));
   const double of_good = samples.dot(good.cwiseAbs2()), of_fitted = samples.dot(fitted.cwiseAbs2());
   if (!(of_good > 0) || !(of_fitted > 0)) return {};
@@ -70,16 +83,6 @@ double cost_of_map(const Explanation& explanation, const VectorXd& map) {
   v.segment(ValveFitProblem::kParameters, map.size()) = map;
   return explanation.problem->cost(v) - explanation.problem->penalty(v) -
          (explanation.cost - explanation.problem->penalty(explanation.v));
-}
-
-/// The nearest map that falls nowhere.
-VectorXd rising_map(const Explanation& explanation, const VectorXd& samples) {
-  const VectorXd map = explanation.v.segment(ValveFitProblem::kParameters, samples.size());
-  const VectorXd weights = samples.array() + 1e-6;
-  const std::vector<double> rising =
-      monotone_regression(std::span(map.data(), static_cast<std::size_t>(map.size())),
-                          std::span(weights.data(), static_cast<std::size_t>(map.size())));
-  return Eigen::Map<const VectorXd>(rising.data(), map.size());
 }
 
 Finding finding_of(std::string what, double deviation) {
@@ -99,17 +102,19 @@ std::optional<Finding> recording_slip(const SearchedValve& searched) {
   const VectorXd samples = samples_at_knots(explanation);
   if (!(samples.sum() > 0)) return std::nullopt;
 
-  if (compare_maps(explanation, samples).ratio < 0) {
+  const ValvePrior& population = *explanation.options->prior;
+  if (compare_maps(fitted_map(explanation), population, samples).ratio < 0) {
     const double deviation = cost_of_map(explanation, rising_map(explanation, samples));
     if (deviation > samples.sum()) {
       return finding_of("pressure falls as current rises, in good valves it rises: check the sign of the pressure",
                         deviation);
     }
   }
-  const MapsCompared alone = compare_maps(searched.baseline, samples);
+  // A fit that far from good valves may leave knots anywhere that few samples show: it is made to rise.
+  const MapsCompared alone = compare_maps(rising_map(searched.baseline, samples), population, samples);
   for (const Unit& unit : kUnits) {
     if (alone.correlation < kSameShape || std::abs(std::log(alone.ratio / unit.per_psi)) > kSameRatio) continue;
-    const VectorXd good = searched.baseline.options->prior->mean.tail(samples.size());
+    const VectorXd good = population.mean.tail(samples.size());
     return finding_of(fmt::format("pressure rises {:.3g} times as far as in good valves, as {} called psi would: check "
                                   "the unit of the pressure",
                                   alone.ratio, unit.name),
