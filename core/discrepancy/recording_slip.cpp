@@ -7,13 +7,11 @@
 #include <boost/math/distributions/chi_squared.hpp>
 #include <cmath>
 #include <limits>
-#include <span>
 #include <vector>
 
 namespace valvetriage {
 namespace {
 
-using Eigen::Index;
 using Eigen::VectorXd;
 
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
@@ -32,34 +30,6 @@ constexpr double kSameRatio = 0.08;
 constexpr double kSameShape = 0.99;
 // A tail beyond this has no number.
 constexpr double kMostDeviation = 1400;
-
-/// Samples at each knot of the map.
-VectorXd samples_at_knots(const Explanation& explanation) {
-  const std::vector<double>& knots = explanation.options->knots;
-  VectorXd count = VectorXd::Zero(static_cast<Index>(knots.size()));
-  for (std::size_t r = 0; r < explanation.problem->recordings(); ++r) {
-    const Recording& recording = explanation.problem->recording(r);
-    for (std::size_t i = 0; i < recording.samples(); ++i) {
-      if (!recording.is_valid(i)) continue;
-      count(static_cast<Index>(nearest_knot(knots, recording.input.values[i]))) += 1;
-    }
-  }
-  return count;
-}
-
-VectorXd fitted_map(const Explanation& explanation) {
-  return explanation.v.segment(ValveFitProblem::kParameters, explanation.problem->knots());
-}
-
-/// The nearest map that falls nowhere.
-VectorXd rising_map(const Explanation& explanation, const VectorXd& samples) {
-  const VectorXd map = fitted_map(explanation);
-  const VectorXd weights = samples.array() + 1e-6;
-  const std::vector<double> rising =
-      monotone_regression(std::span(map.data(), static_cast<std::size_t>(map.size())),
-                          std::span(weights.data(), static_cast<std::size_t>(map.size())));
-  return Eigen::Map<const VectorXd>(rising.data(), map.size());
-}
 
 /// A map against good valves': map = ratio · good + constant.
 struct MapsCompared {
@@ -99,19 +69,20 @@ Finding finding_of(std::string what, double deviation) {
 std::optional<Finding> recording_slip(const SearchedValve& searched) {
   const Explanation& explanation = searched.explanation;
   if (!explanation.options->prior) return std::nullopt;
-  const VectorXd samples = samples_at_knots(explanation);
+  const ValveFitProblem& problem = *explanation.problem;
+  const VectorXd samples = problem.samples_at_knots();
   if (!(samples.sum() > 0)) return std::nullopt;
 
   const ValvePrior& population = *explanation.options->prior;
-  if (compare_maps(fitted_map(explanation), population, samples).ratio < 0) {
-    const double deviation = cost_of_map(explanation, rising_map(explanation, samples));
+  const VectorXd map = explanation.v.segment(ValveFitProblem::kParameters, problem.knots());
+  if (compare_maps(map, population, samples).ratio < 0) {
+    const double deviation = cost_of_map(explanation, problem.rising_map(explanation.v));
     if (deviation > samples.sum()) {
       return finding_of("pressure falls as current rises, in good valves it rises: check the sign of the pressure",
                         deviation);
     }
   }
-  // A fit that far from good valves may leave knots anywhere that few samples show: it is made to rise.
-  const MapsCompared alone = compare_maps(rising_map(searched.baseline, samples), population, samples);
+  const MapsCompared alone = compare_maps(problem.rising_map(searched.baseline.v), population, samples);
   for (const Unit& unit : kUnits) {
     if (alone.correlation < kSameShape || std::abs(std::log(alone.ratio / unit.per_psi)) > kSameRatio) continue;
     const VectorXd good = population.mean.tail(samples.size());

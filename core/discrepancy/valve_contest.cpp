@@ -325,6 +325,17 @@ bool has_lost_its_way(const Ranked& rival, const Ranked& winner) {
   return rival.sticks && rival.fitted_jointly && !winner.sticks && rival.reduction < 0;
 }
 
+/// What a law is known to remove of the cost at its best: friction that is the same at rest and in motion is play, and
+/// its best fit removes no less than that of play, whatever valley its own has ended in.
+double reduction_within_reach(const Ranked& r, std::span<const Ranked> all) {
+  if (!r.sticks || !r.fitted_jointly) return r.reduction;
+  double most = r.reduction;
+  for (const Ranked& other : all) {
+    if (other.cause == "backlash" && other.fitted_jointly) most = std::max(most, other.reduction);
+  }
+  return most;
+}
+
 /// Whether an explanation leaves nothing that good valves do not leave.
 bool leaves_the_usual(const LinearisedValve& linear, const ValveDiagnosisOptions& options) {
   return leftover_of(linear, options).p_value > kUsualLeftover;
@@ -396,7 +407,7 @@ void keep_margins(Contest& contest, WinnersFit& fit, const ValveDiagnosisOptions
   double sum = 0;
   for (Ranked& r : ranked) {
     const bool is_kin = are_kin(won, r);
-    const bool is_near = r.reduction >= (is_kin ? kFamilyMargin : kMargin) * won.reduction;
+    const bool is_near = reduction_within_reach(r, ranked) >= (is_kin ? kFamilyMargin : kMargin) * won.reduction;
     const bool is_open = is_kin && ((is_family_open && r.fitted_jointly) || has_lost_its_way(r, won));
     if (r.cause != won.cause && competes_with(won.cause, r) && (is_open || (is_near && !is_out(r)))) {
       r.probability = std::max(r.probability, kRivalShare);

@@ -48,9 +48,8 @@ Explanation Explanation::copy() const {
 }
 
 Model Explanation::model() const {
-  const VectorXd knots = v.segment(ValveFitProblem::kParameters, problem->knots());
-  std::vector<double> outputs(knots.data(), knots.data() + knots.size());
-  outputs = monotone_regression(outputs, std::vector<double>(outputs.size(), 1.0));
+  const VectorXd map = problem->rising_map(v);
+  const std::vector<double> outputs(map.data(), map.data() + map.size());
   Model model = to_model(to_parameters(v.head(ValveFitProblem::kParameters), options->reference_psi, options->usual),
                          KnotCurve(options->knots).rising_through(outputs), options->usual);
   for (std::size_t l = 0; l < options->laws.size(); ++l) {

@@ -98,17 +98,6 @@ VectorXd stepped_inside(const ValveFitProblem& problem, const VectorXd& v, const
   return problem.clamped(there);
 }
 
-/// The fitted map made monotone in place, knots weighted by how well they are known.
-void make_monotone(VectorXd& v, const MatrixXd& covariance, Index parameters, Index knots) {
-  std::vector<double> outputs(static_cast<std::size_t>(knots)), weights(outputs.size());
-  for (Index k = 0; k < knots; ++k) {
-    outputs[static_cast<std::size_t>(k)] = v(parameters + k);
-    weights[static_cast<std::size_t>(k)] = 1.0 / std::max(covariance(parameters + k, parameters + k), 1e-12);
-  }
-  const std::vector<double> monotone = monotone_regression(outputs, weights);
-  v.segment(parameters, knots) = Eigen::Map<const VectorXd>(monotone.data(), knots);
-}
-
 }  // namespace
 
 Descent descent_from(const ValveFitProblem& problem, VectorXd v) {
@@ -227,7 +216,7 @@ Result<ValveFit> fit_valve(std::span<const Recording> recordings, const ValveFit
   const MatrixXd inverse = problem.linearise(best.v).a.ldlt().solve(MatrixXd::Identity(problem.size(), problem.size()));
   fit.covariance = inverse.topLeftCorner(problem.baseline_size(), problem.baseline_size());
   fit.vector = best.v;
-  make_monotone(best.v, fit.covariance, ValveFitProblem::kParameters, problem.knots());
+  best.v.segment(ValveFitProblem::kParameters, problem.knots()) = problem.rising_map(best.v);
   fit.parameters = to_parameters(best.v.head(ValveFitProblem::kParameters), options.reference_psi, options.usual);
   for (std::size_t j = 0; j < fit.at_bound.size(); ++j) {
     fit.at_bound[j] = problem.is_at_bound(best.v, static_cast<Index>(j));

@@ -192,19 +192,39 @@ VectorXd ValveFitProblem::start_vector(const ValveParameters& parameters) const 
   // Mean output around each knot, gaps filled by the smoothness of the map.
   MatrixXd a = precision_.bottomRightCorner(knots_, knots_);
   VectorXd b = VectorXd::Zero(knots_);
+  for_each_knot_seen([&](Index knot, double output) {
+    a(knot, knot) += 1;
+    b(knot) += output;
+  });
+  v.segment(kParameters, knots_) = a.ldlt().solve(b);
+  v.segment(kParameters, knots_) = rising_map(v);
+  return clamped(v);
+}
+
+template <typename Visitor>
+void ValveFitProblem::for_each_knot_seen(Visitor&& visit) const {
   for (const Prepared& p : prepared_) {
     for (std::size_t i = 0; i < p.recording->samples(); ++i) {
       if (!p.recording->is_valid(i)) continue;
-      const auto nearest = static_cast<Index>(nearest_knot(options_.knots, p.input.start[2 * i]));
-      a(nearest, nearest) += 1;
-      b(nearest) += p.recording->output.values[i];
+      visit(static_cast<Index>(nearest_knot(options_.knots, p.input.start[2 * i])), p.recording->output.values[i]);
     }
   }
-  const VectorXd knots = a.ldlt().solve(b);
-  const std::vector<double> values(knots.data(), knots.data() + knots_);
-  const std::vector<double> monotone = monotone_regression(values, std::vector<double>(values.size(), 1.0));
-  v.segment(kParameters, knots_) = Eigen::Map<const VectorXd>(monotone.data(), knots_);
-  return clamped(v);
+}
+
+VectorXd ValveFitProblem::samples_at_knots() const {
+  VectorXd samples = VectorXd::Zero(knots_);
+  for_each_knot_seen([&](Index knot, double) { samples(knot) += 1; });
+  return samples;
+}
+
+VectorXd ValveFitProblem::rising_map(const VectorXd& v) const {
+  // A knot that no sample is next to still stands between its neighbours.
+  constexpr double kUnseen = 1e-6;
+  const VectorXd map = v.segment(kParameters, knots_);
+  const VectorXd weights = samples_at_knots().array() + kUnseen;
+  const auto knots = static_cast<std::size_t>(knots_);
+  const std::vector<double> rising = monotone_regression({map.data(), knots}, {weights.data(), knots});
+  return Eigen::Map<const VectorXd>(rising.data(), knots_);
 }
 
 VectorXd ValveFitProblem::continued_in(const ValveFitProblem& wider, const VectorXd& v,

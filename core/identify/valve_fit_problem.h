@@ -60,6 +60,11 @@ class ValveFitProblem {
   double cost(const Eigen::VectorXd& v) const { return cost(v, all_runs(v)); }
   double penalty(const Eigen::VectorXd& v) const;
   std::vector<double> simulate(const Eigen::VectorXd& v, std::size_t recording) const;
+  /// Valid samples whose input is nearest to each knot of the map.
+  Eigen::VectorXd samples_at_knots() const;
+  /// The outputs at the knots of the nearest map that falls nowhere, in the mean square over the samples. A fit leaves
+  /// the knots anywhere that few samples tell; what is shown, stored and run as a model rises.
+  Eigen::VectorXd rising_map(const Eigen::VectorXd& v) const;
   /// Σ n ln(mean square error) over recordings: their cost where the size of each one's error is not known beforehand.
   double scale_free_cost(const Eigen::VectorXd& v) const;
 
@@ -160,6 +165,9 @@ class ValveFitProblem {
   std::vector<Run> runs(const Eigen::VectorXd& v, std::span<const std::size_t> recordings, bool tangents) const;
   VolumeRun volume_run(const Eigen::VectorXd& v, std::size_t recording, const OrificeVolume& volume,
                        std::span<const double> steady, std::span<double> pressure) const;
+  /// visit(knot, output) of every valid sample, with the knot nearest to its input.
+  template <typename Visitor>
+  void for_each_knot_seen(Visitor&& visit) const;
   double squared_error(std::size_t recording, const std::vector<double>& simulated) const;
   StaticMap map_of(const Eigen::VectorXd& v) const;
   struct RunAt {

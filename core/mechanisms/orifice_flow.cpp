@@ -29,6 +29,12 @@ MechanismBounds bounds(const MechanismScales&) {
   return one_parameter(-0.5, 0.6, 1e-4, both_signs({0.005, 0.04}));
 }
 
+/// No orifice, laminar, turbulent or between, has a power as far from a good valve's: what the data ask for there is
+/// another effect's.
+bool is_cut_off(std::span<const double> parameters, std::span<const double> lower, std::span<const double> upper) {
+  return parameters[0] <= lower[0] || parameters[0] >= upper[0];
+}
+
 void reshape(std::span<const double> parameters, ValveBlocks blocks) {
   blocks.volume.drain_excess_exponent += parameters[0];
 }
@@ -57,6 +63,7 @@ extern constinit const Mechanism kOrificeFlow{
     .apply = nullptr,
     .tangent = nullptr,
     .reshape = reshape,
+    .is_cut_off = is_cut_off,
     .counted_from = counted_from};
 
 }  // namespace valvetriage

@@ -66,5 +66,30 @@ INSTANTIATE_TEST_SUITE_P(Places, ValveFitProblemWith,
                            return std::string(put_in.param.cause) + std::to_string(put_in.index);
                          });
 
+TEST(ValveFitProblem, AKnotThatFewSamplesTellGivesWayToOneThatManyTell) {
+  const test::MadeValve valve;
+  const auto recordings = test::session(valve, 0.35, 11);
+  ValveFitOptions options;
+  options.knots = *map_knots(recordings);
+  options.reference_psi = 105;
+  const ValveFitProblem problem(recordings, options);
+  const Eigen::VectorXd samples = problem.samples_at_knots();
+  std::size_t valid = 0;
+  for (const Recording& r : recordings) {
+    for (std::size_t i = 0; i < r.samples(); ++i) valid += r.is_valid(i);
+  }
+  EXPECT_DOUBLE_EQ(samples.sum(), static_cast<double>(valid));
+
+  // The first knot is put above its neighbour.
+  Eigen::VectorXd v = problem.start_vector(valve.parameters);
+  const Eigen::Index first = ValveFitProblem::kParameters;
+  const double above = 0.5 * (v(first + 2) - v(first + 1));
+  v(first) = v(first + 1) + above;
+  const Eigen::VectorXd rising = problem.rising_map(v);
+  EXPECT_NEAR(rising(0), v(first + 1) + above * samples(0) / (samples(0) + samples(1)), 1e-6);
+  EXPECT_DOUBLE_EQ(rising(1), rising(0));
+  EXPECT_TRUE(rising.tail(rising.size() - 2).isApprox(v.segment(first + 2, problem.knots() - 2)));
+}
+
 }  // namespace
 }  // namespace valvetriage

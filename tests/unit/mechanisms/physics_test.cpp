@@ -46,6 +46,15 @@ TEST(Physics, NeutralLawsLeaveTheBlocksAsTheyAre) {
   }
 }
 
+TEST(Physics, APowerThatNoOrificeHasIsAnotherEffects) {
+  const Mechanism& law = *find_mechanism("orifice_flow");
+  const std::vector<double> lower{-0.5}, upper{0.6};
+  EXPECT_TRUE(law.is_cut_off(lower, lower, upper));
+  EXPECT_TRUE(law.is_cut_off(upper, lower, upper));
+  EXPECT_FALSE(law.is_cut_off(std::vector<double>{-0.49}, lower, upper));
+  EXPECT_FALSE(law.is_cut_off(std::vector<double>{0.59}, lower, upper));
+}
+
 TEST(Physics, ALaterValveAndAStickingSpoolAddUp) {
   ValveDynamics spool{.delay_s = 0.004};
   OrificeVolume volume = kHealthy;
