@@ -142,11 +142,12 @@ Result<LinearFilter> LinearFilter::recursion(const TransferFunction& discrete) {
   int delay = 0;
   if (discrete.delay_s != 0) {
     const double samples = discrete.delay_s / discrete.sample_time_s;
-    delay = static_cast<int>(std::lround(samples));
-    if (!(std::abs(samples - delay) < kSampleTolerance)) {
+    const double nearest = std::round(samples);
+    if (!(std::abs(samples - nearest) < kSampleTolerance)) {
       return fail("fractional_delay", fmt::format("the delay {} s is not a whole number of sample times of {} s",
                                                   discrete.delay_s, discrete.sample_time_s));
     }
+    delay = static_cast<int>(std::min(nearest, kMostDelaySamples));
   }
   const Eigen::RowVectorXd direct = Eigen::RowVectorXd::Constant(1, system->d);
   return LinearFilter(chain_form(system->a, system->b, system->c, direct, system->blocks), delay);

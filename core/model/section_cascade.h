@@ -22,7 +22,7 @@ struct Section {
 /// Range that an identified section must stay in, for a record of so many samples.
 ///
 /// A complex pair must not ring for longer than a third of the record: e ≥ 6 / samples, for its envelope falls as
-/// exp(−e t / 2). Below slow_rate a mode is slower than half the record: allowed, at a price (LESSONS on slow modes).
+/// exp(−e t / 2). Below slow_rate a mode is slower than half the record: allowed, at a price.
 struct SectionLimits {
   explicit SectionLimits(std::size_t samples);
   double least_e;

@@ -9,6 +9,7 @@
 #include "core/model/free_run.h"
 #include "core/model/linear_filter.h"
 #include "core/model/model.h"
+#include "core/recording/limits.h"
 
 namespace valvetriage {
 namespace {
@@ -310,6 +311,12 @@ Result<std::vector<double>> simulate_machine(const Machine& machine, std::span<c
   if (input.empty()) return std::vector<double>{};
   const bool own_grid = is_same_period(machine.sample_period_s, period_s);
   const double to = own_grid ? period_s : machine.sample_period_s;
+  const double own_samples = static_cast<double>(input.size()) * (period_s / to);
+  if (!(own_samples <= static_cast<double>(kMaxRows))) {
+    return fail("too_large",
+                fmt::format("{} samples of {} s are {:.3g} of the machine's own {:.3g} s, at most {} are run",
+                            input.size(), period_s, own_samples, to, kMaxRows));
+  }
   const auto resampled = [&](std::span<const double> values) {
     if (own_grid || values.empty()) return std::vector<double>(values.begin(), values.end());
     return read_at(values, period_s, to, samples_at(period_s, values.size(), to));

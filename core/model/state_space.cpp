@@ -242,7 +242,7 @@ TransferFunction chain_transfer_function(const ChainForm& chain, Domain domain, 
 }
 
 SplitDelay split_delay(double delay_s, double sample_time_s) {
-  const double samples = delay_s / sample_time_s;
+  const double samples = std::min(delay_s / sample_time_s, kMostDelaySamples);
   const double nearest = std::round(samples);
   if (std::abs(samples - nearest) < kWholeSampleTolerance * std::max(1.0, nearest)) {
     return {static_cast<int>(nearest), 0};

@@ -10,7 +10,7 @@ namespace valvetriage {
 /// A monotone static characteristic, input to steady output: piecewise linear through (input[i], output[i]), held flat
 /// slope beyond its ends (linear extension by the end slopes is never used for a verdict: levels outside are reported).
 ///
-/// input   n ≥ 2 knots, strictly increasing, unit of the input; for valves 0.025 A apart or finer (LESSONS 7)
+/// input   n ≥ 2 knots, strictly increasing, unit of the input; for valves 0.025 A apart or finer
 /// output  n values, non-decreasing (or all non-increasing), unit of the output
 struct StaticMap {
   std::vector<double> input;

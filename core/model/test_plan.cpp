@@ -149,8 +149,8 @@ Result<std::vector<double>> plan_current(const TestPlan& plan, const StaticMap& 
   for (const double level_psi : plan.levels_psi) {
     const Result<double> level_a = steady_map.inverse(level_psi);
     if (!level_a) {
-      return fail("level_out_of_range", fmt::format("{} psi lies outside the steady map, {} to {} psi", level_psi,
-                                                    steady_map.output.front(), steady_map.output.back()));
+      return fail("level_out_of_range", fmt::format("{:.6g} psi lies outside the steady map, {:.6g} to {:.6g} psi",
+                                                    level_psi, steady_map.output.front(), steady_map.output.back()));
     }
     levels_a.push_back(*level_a);
   }

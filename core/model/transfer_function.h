@@ -27,6 +27,9 @@ struct TransferFunction {
   double delay_s = 0;
 };
 
+/// No recording has as many samples: a longer delay is one of as many.
+inline constexpr double kMostDelaySamples = 1e9;
+
 /// The same as coefficients. z: powers of z^-1, y_t = Σ b_i u_{t-delay-i} − Σ_{j≥1} a_j y_{t-j}, a[0] = 1.
 /// s: descending powers of s, a[0] = 1.
 struct RationalCoefficients {

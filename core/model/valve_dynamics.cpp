@@ -1,5 +1,6 @@
 #include "core/model/valve_dynamics.h"
 
+#include <algorithm>
 #include <cassert>
 #include <cmath>
 #include <numbers>
@@ -81,7 +82,7 @@ std::optional<ValveDynamics> to_valve_dynamics(const TransferFunction& g) {
 SampledValveDynamics::SampledValveDynamics(const ValveDynamics& dynamics, double sample_period_s) {
   assert(sample_period_s > 0 && dynamics.order() <= kMaxOrder);
   const StateSpace system = continuous_state_space(dynamics);
-  const double delay_samples = dynamics.delay_s / sample_period_s;
+  const double delay_samples = std::min(dynamics.delay_s / sample_period_s, kMostDelaySamples);
   whole_delay_ = static_cast<std::size_t>(delay_samples);
   const double f = delay_samples - static_cast<double>(whole_delay_);
 

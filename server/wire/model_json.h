@@ -11,7 +11,7 @@ inline constexpr std::size_t kMaxMapKnots = 10000;
 /// Most physical causes in one model; an analysis finds at most three.
 inline constexpr std::size_t kMaxModelMechanisms = 32;
 
-/// {"domain","sample_time_s","zeros":[[re,im]],"poles":[[re,im]],"gain","delay_s"} (CONTRACT section 2).
+/// {"domain","sample_time_s","zeros":[[re,im]],"poles":[[re,im]],"gain","delay_s"} (schemas/model.schema.json).
 Json to_json(const TransferFunction& g);
 
 /// Errors  of JsonFields; roots without their conjugate, more zeros than poles, a negative delay or one that is no

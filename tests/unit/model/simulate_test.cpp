@@ -157,5 +157,41 @@ TEST(Simulate, RefusesASampleTimeThatADiscreteModelCannotBeBroughtTo) {
   EXPECT_EQ(y.error().code, "no_continuous_equivalent");
 }
 
+TEST(Simulate, ADelayLongerThanARecordingLeavesTheValveWhereItIs) {
+  for (const double delay_s : {3.0, 1e6, 1e300}) {
+    Model linear = lag_model(0.1);
+    linear.dynamics.delay_s = delay_s;
+    Model valve;
+    valve.kind = "valve";
+    valve.dynamics = to_transfer_function({.delay_s = delay_s, .natural_frequency_rad_s = 235, .damping_ratio = 0.86});
+    valve.map = StaticMap{.input = {1.0, 2.0}, .output = {13, 113}};
+    Model recursion = lag_model(0.1);
+    recursion.dynamics = *discretise_zoh(lag_model(0.1).dynamics, kPeriod_s);
+    recursion.dynamics.delay_s = delay_s;
+    for (const auto& [m, rest] : {std::pair{linear, 63.0}, std::pair{valve, 33.0}, std::pair{recursion, 63.0}}) {
+      const auto y = simulate(m, steps(), {});
+      ASSERT_TRUE(y) << y.error().message;
+      for (const double pressure : *y) ASSERT_NEAR(pressure, rest, 1e-6) << m.kind << ' ' << delay_s;
+    }
+  }
+}
+
+TEST(Simulate, RefusesAMachineThatWouldRunMoreSamplesThanAnyRecordingHas) {
+  const double own_samples = 400 * kPeriod_s;  // times its rate
+  const auto run_at = [&](double samples) {
+    Model m;
+    m.kind = "machine";
+    m.machine = Machine{.sample_period_s = own_samples / samples,
+                        .blocks = {{.law = MachineLaw::kAffine, .parameters = {2, 1}}}};
+    return simulate(m, steps(), {});
+  };
+  const auto taken = run_at(0.999e7), refused = run_at(1.001e7);
+  ASSERT_TRUE(taken) << taken.error().message;
+  EXPECT_NEAR(taken->back(), 3.8, 1e-12);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, "too_large");
+  EXPECT_FALSE(run_at(1e300));
+}
+
 }  // namespace
 }  // namespace valvetriage
