@@ -13,7 +13,7 @@
 
 namespace valvetriage {
 
-/// The result of analysing one valve's recordings together: CONTRACT section 3, field for field.
+/// The result of analysing one valve's recordings together: schemas/analysis.schema.json, field for field.
 /// Names, hashes and times are set by the caller that knows them (`server/wire`); the core fills the rest.
 
 struct RecordingSummary {

@@ -82,10 +82,14 @@ ClassificationResult judged(const Classification& classification) {
   ClassificationResult result;
   for (const LevelClassification& level : classification.per_level) result.per_level.push_back(level_verdict(level));
   if (!classification.verdict) {
+    std::vector<std::string> currents;
+    for (const std::string& name : classification.missing_levels) {
+      const auto level_a = level_from_name(name);
+      currents.push_back(level_a ? fmt::format("{:g} A", *level_a) : name);
+    }
     result.reason = NoVerdict::kLevelMissing;
     result.explanation = fmt::format("no covered step at the level{} {} of the rule base",
-                                     classification.missing_levels.size() == 1 ? "" : "s",
-                                     fmt::join(classification.missing_levels, ", "));
+                                     currents.size() == 1 ? "" : "s", fmt::join(currents, ", "));
     result.action = "retest";
     return result;
   }

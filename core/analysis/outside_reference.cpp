@@ -29,7 +29,7 @@ struct Range {
   }
 };
 
-/// What the numbers would have to be for the reference to know them.
+/// What the numbers would have to be for the reference to know them; empty where nothing is known that would do.
 std::string likely_slip(const Range& inputs, const Range& outputs, const Reference& reference) {
   const double slack = kSlack * (reference.input_max - reference.input_min);
   const auto is_known = [&](const Range& range) {
@@ -39,11 +39,16 @@ std::string likely_slip(const Range& inputs, const Range& outputs, const Referen
   if (is_known(outputs)) return "the other column would lie within: check whether the columns are swapped";
   if (is_known(inputs.times(1e-3))) return "a thousandth of it would lie within: check whether mA are called A";
   if (is_known(inputs.times(1e3))) return "a thousand times it would lie within: check whether A are called mA";
-  return "a wrong sign, swapped columns or a wrong unit look like this";
+  return {};
 }
 
 std::string inputs_of(const Reference& reference) {
   return fmt::format("the reference's inputs of {:.3g} to {:.3g} A", reference.input_min, reference.input_max);
+}
+
+std::string run_from(std::span<const Recording> recordings, const Range& inputs) {
+  return fmt::format("the recording{} from {:.3g} to {:.3g} A", recordings.size() == 1 ? " runs" : "s run", inputs.low,
+                     inputs.high);
 }
 
 double margin_a(const Reference& reference) {
@@ -76,25 +81,33 @@ std::string outside_throughout(std::span<const Recording> recordings, const Refe
     inputs.add(recording.input.values);
     outputs.add(recording.output.values);
   }
-  const bool is_one = recordings.size() == 1;
-  return fmt::format("no sample lies within {}: the recording{} from {:.3g} to {:.3g} A; {}", inputs_of(reference),
-                     is_one ? " runs" : "s run", inputs.low, inputs.high, likely_slip(inputs, outputs, reference));
+  const std::string slip = likely_slip(inputs, outputs, reference);
+  return fmt::format("no sample lies within {}: {}; {}", inputs_of(reference), run_from(recordings, inputs),
+                     slip.empty() ? "a wrong sign, swapped columns or a wrong unit look like this" : slip);
 }
 
 std::string not_comparable(std::span<const Recording> recordings, std::span<const Recording> kept,
                            const Reference& reference, double least_s) {
   double kept_s = 0;
-  bool any = false;
+  std::size_t samples = 0, within = 0;
+  Range inputs, outputs;
   for (const Recording& recording : kept) {
     for (std::size_t i = 0; i < recording.samples(); ++i) {
       if (recording.is_valid(i)) kept_s += recording.sample_period_s;
     }
   }
   for (const Recording& recording : recordings) {
-    any |= std::any_of(recording.input.values.begin(), recording.input.values.end(),
-                       [&](double input) { return !outside_reference(reference, input); });
+    inputs.add(recording.input.values);
+    outputs.add(recording.output.values);
+    samples += recording.samples();
+    within += static_cast<std::size_t>(std::ranges::count_if(
+        recording.input.values, [&](double input) { return !outside_reference(reference, input); }));
   }
-  if (!any) return outside_throughout(recordings, reference);
+  if (within == 0) return outside_throughout(recordings, reference);
+  const std::string slip = 2 * within < samples ? likely_slip(inputs, outputs, reference) : std::string{};
+  if (!slip.empty()) {
+    return fmt::format("most samples lie outside {}: {}; {}", inputs_of(reference), run_from(recordings, inputs), slip);
+  }
   if (kept_s >= least_s) return {};
   return fmt::format("only {:.2g} s of the recordings can be compared within {}; {:.2g} s are needed at the least",
                      kept_s, inputs_of(reference), least_s);

@@ -13,8 +13,8 @@
 
 namespace valvetriage {
 
-/// What a simulation gets wrong, why, and what knowing it gains: CONTRACT section 3, field for field. Figures that do
-/// not exist are NaN and become null.
+/// What a simulation gets wrong, why, and what knowing it gains: schemas/analysis.schema.json, field for field. Figures
+/// that do not exist are NaN and become null.
 
 /// Where a finding stands that speaks of how the recordings were made or read, not of the valve: see recording_slip.h.
 inline constexpr std::string_view kStaticMap = "static map";

@@ -4,13 +4,14 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
-#include <array>
 #include <boost/math/distributions/chi_squared.hpp>
+#include <boost/math/tools/minima.hpp>
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <optional>
+#include <utility>
 
-#include "core/discrepancy/law_search.h"
 #include "core/discrepancy/tones.h"
 
 namespace valvetriage {
@@ -21,13 +22,12 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr std::size_t kMostLines = 3;
-constexpr int kSteps = 4;
 // Of a sine and a cosine at a known frequency: χ² of two freedoms at 1e-4.
 constexpr double kInInput = 18.4;
 // A line, not a wander: this many times what stands two or three resolved frequencies beside it.
 constexpr double kOverNeighbours = 4;
-// That the output does not follow it: the line itself is certain and its frequency known, so no search is paid for.
-// χ² of two freedoms at 1e-2.
+// That the output does not follow it: what the squared error at rest loses without it, in noise variances. The line
+// itself is certain, so no search is paid for: χ² of two freedoms at 1e-2.
 constexpr double kInResidual = 9.2;
 // A jump of the input ends a straight stretch: this many of the median step.
 constexpr double kJump = 12;
@@ -82,123 +82,206 @@ void add_stretch(const Recording& recording, double rad_s, std::size_t first, st
   sums.fasts += 6 * static_cast<double>(n - 2);
 }
 
-/// Twice the F statistic of the line in one recording's input; 0 where there are too few samples.
-double line_in(const Recording& recording, double frequency_hz) {
+/// A line as one recording's input shows it.
+struct SeenLine {
+  double statistic = 0;                                 ///< twice F; 0 where there are too few samples, or it moves
+  Eigen::Vector2d amplitude = Eigen::Vector2d::Zero();  ///< of a sine and a cosine
+};
+
+SeenLine line_in(const Recording& recording, double frequency_hz) {
   const std::vector<std::size_t> first = stretches_of(recording.input.values);
   LineSums sums;
   for (std::size_t s = 0; s + 1 < first.size(); ++s) {
     if (first[s + 1] - first[s] < kShortestStretch) continue;
     add_stretch(recording, 2 * std::numbers::pi * frequency_hz, first[s], first[s + 1], sums);
   }
-  if (sums.freedoms < 3 * kShortestStretch || !(sums.a.determinant() > 0)) return 0;
-  const double explained = sums.b.dot(sums.a.inverse() * sums.b);
+  if (sums.freedoms < 3 * kShortestStretch || !(sums.a.determinant() > 0)) return {};
+  const Eigen::Vector2d amplitude = sums.a.inverse() * sums.b;
+  const double explained = sums.b.dot(amplitude);
   const double left = (sums.squares - explained) / (sums.freedoms - 2);
   // A moving input has lines of its own making: only where nothing but noise stands beside the line does it count.
   const bool at_rest = left < kAtRest * sums.fast / sums.fasts;
-  return at_rest && left > 0 ? explained / left : 0;
+  if (!at_rest || !(left > 0)) return {};
+  return {explained / left, amplitude};
 }
 
-// The line as a law of the input: f, and in each recording its cosine and sine amplitude.
-constexpr std::array<MechanismParameter, 3> kParameters{{{"frequency_hz", "Hz", "of the line as logged"},
-                                                         {"cosine_A", "A", "amplitude", 0},
-                                                         {"sine_A", "A", "amplitude", 0}}};
-
-void add_line(std::span<const double> parameters, const LawContext& context, std::span<double> u) {
-  const double rad_s = 2 * std::numbers::pi * parameters[0];
-  for (std::size_t i = 0; i < u.size(); ++i) {
-    const double phase = rad_s * context.time_s[i];
-    u[i] -= parameters[1] * std::cos(phase) + parameters[2] * std::sin(phase);
+/// Whether it is there at the 1e-4 level, and no wander.
+bool stands_in(const Recording& recording, double frequency_hz) {
+  const double there = line_in(recording, frequency_hz).statistic;
+  if (there < kInInput) return false;
+  double beside = 0;
+  for (const double bins : {-3.0, -2.0, 2.0, 3.0}) {
+    const double bin_hz = 1 / (recording.sample_period_s * static_cast<double>(recording.samples()));
+    const double other = frequency_hz + bins * bin_hz;
+    if (other > 0) beside = std::max(beside, line_in(recording, other).statistic);
   }
+  return there > kOverNeighbours * beside;
 }
 
-constinit const Mechanism kLine{.order = 0,
-                                .cause = "line in the logged input",
-                                .family = "",
-                                .origin = "stand",
-                                .wrong = "a line that the valve never saw",
-                                .law = "u ← u − a cos(2π f t) − b sin(2π f t)",
-                                .source = "",
-                                .signature = "",
-                                .confused_with = {},
-                                .place = Place::kInput,
-                                .parameters = kParameters,
-                                .size_parameter = 3,
-                                .neutral = 0,
-                                .bounds = nullptr,
-                                .apply = add_line,
-                                .tangent = nullptr,
-                                .reshape = nullptr,
-                                .own_per_recording = 2};
+/// A line of the logged input, its sine and cosine amplitude in each recording.
+struct InputLine {
+  double frequency_hz = 0;
+  std::vector<Eigen::Vector2d> amplitude;
+  double evidence = 0;  ///< what the squared error at rest loses without it, in noise variances: χ² of two freedoms
 
-/// The line that explains a tone of the residual, fitted to it.
-std::optional<LawFit> line_behind(const LinearisedValve& fit, const ValveFitOptions& options, double frequency_hz) {
-  const ValveFitProblem& problem = fit.problem();
-  double longest_s = 0, range = 0;
+  Recording taken_off(Recording recording, std::size_t r) const {
+    const double rad = 2 * std::numbers::pi * frequency_hz * recording.sample_period_s;
+    for (std::size_t i = 0; i < recording.samples(); ++i) {
+      const double phase = rad * static_cast<double>(i);
+      recording.input.values[i] -= amplitude[r].dot(Eigen::Vector2d(std::sin(phase), std::cos(phase)));
+    }
+    return recording;
+  }
+};
+
+double longest_s(const ValveFitProblem& problem) {
+  double longest = 0;
   for (std::size_t r = 0; r < problem.recordings(); ++r) {
     const Recording& recording = problem.recording(r);
-    longest_s = std::max(longest_s, static_cast<double>(recording.samples()) * recording.sample_period_s);
-    const auto [low, high] = std::minmax_element(recording.input.values.begin(), recording.input.values.end());
-    range = std::max(range, *high - *low);
+    longest = std::max(longest, static_cast<double>(recording.samples()) * recording.sample_period_s);
   }
-  const double start = 1e-3 * range, most = 0.1 * range;
-  LawInFit law{.law = &kLine,
-               .start = {frequency_hz, start, start},
-               .lower = {frequency_hz - 1 / longest_s, -most, -most},
-               .upper = {frequency_hz + 1 / longest_s, most, most},
-               .step = {1e-3 / longest_s, 1e-3 * range, 1e-3 * range}};
-  std::vector<double> starts{frequency_hz};
-  for (std::size_t r = 0; r < problem.recordings(); ++r) starts.insert(starts.end(), {start, start});
-  return search_law(fit, options, law, {starts}, kSteps, 0);
+  return longest;
+}
+
+/// Frequencies at which a line may stand: what the residual has, and what the input has at rest, where a weak one
+/// stands out that the residual hides behind stronger lines.
+std::vector<double> candidates(const LinearisedValve& fit) {
+  std::vector<double> frequencies_hz;
+  for (const Tone& tone : strongest_tones(fit, kMostLines)) frequencies_hz.push_back(tone.frequency_hz);
+  const double bin_hz = 1 / longest_s(fit.problem());
+  for (const double line_hz : strongest_input_lines(fit.problem(), kMostLines)) {
+    const bool is_known =
+        std::ranges::any_of(frequencies_hz, [&](double known_hz) { return std::abs(known_hz - line_hz) < bin_hz; });
+    if (!is_known) frequencies_hz.push_back(line_hz);
+  }
+  return frequencies_hz;
+}
+
+/// Where between the bins the recordings at rest have it.
+double refined(const ValveFitProblem& problem, double frequency_hz) {
+  constexpr int kBits = 12;
+  const double half_hz = 0.5 / longest_s(problem);
+  const auto unexplained = [&](double hz) {
+    double sum = 0;
+    for (std::size_t r = 0; r < problem.recordings(); ++r) sum -= line_in(problem.recording(r), hz).statistic;
+    return sum;
+  };
+  return boost::math::tools::brent_find_minima(unexplained, frequency_hz - half_hz, frequency_hz + half_hz, kBits)
+      .first;
+}
+
+/// What the free runs change by where the input is rid of the line, whitened; nothing where its amplitude is zero.
+Stack effect_of(const LinearisedValve& fit, const ValveFitOptions& options, const InputLine& line) {
+  std::vector<Recording> rid;
+  for (std::size_t r = 0; r < fit.problem().recordings(); ++r) {
+    rid.push_back(line.taken_off(fit.problem().recording(r), r));
+  }
+  const ValveFitProblem problem(rid, options);
+  Stack effect;
+  for (std::size_t r = 0; r < rid.size(); ++r) {
+    effect.push_back(line.amplitude[r].isZero() ? VectorXd::Zero(fit.error()[r].size())
+                                                : fit.whitened(r, problem.simulate(fit.at(), r)));
+  }
+  return effect;
+}
+
+/// The same line a quarter of a period later, in the recordings that have one.
+InputLine turned(InputLine line) {
+  for (Eigen::Vector2d& amplitude : line.amplitude) amplitude = Eigen::Vector2d(-amplitude.y(), amplitude.x());
+  return line;
+}
+
+/// A stack that is zero in all recordings but one.
+Stack only(const Stack& all, std::size_t recording) {
+  Stack one;
+  for (const VectorXd& column : all) one.push_back(VectorXd::Zero(column.size()));
+  one[recording] = all[recording];
+  return one;
+}
+
+/// What is to be taken off the input: at rest the input's own line, as much of it and as much turned as the output does
+/// not follow, one and the same everywhere; in the other recordings at most as much, its phase the residual's. Of a
+/// ripple that the valve cannot follow that is all of the line; where dither moves the pressure, which folds back into
+/// its log as well, another share. Empty where the output follows it as the simulation does.
+std::optional<InputLine> line_behind(const LinearisedValve& fit, const ValveFitOptions& options, double frequency_hz) {
+  const ValveFitProblem& problem = fit.problem();
+  const std::size_t recordings = problem.recordings();
+  InputLine line{.frequency_hz = refined(problem, frequency_hz),
+                 .amplitude = std::vector<Eigen::Vector2d>(recordings, Eigen::Vector2d::Zero())};
+  InputLine probe = line;  // in the recordings that do not show it
+  std::vector<std::size_t> at_rest, moving;
+  double squares = 0;
+  for (std::size_t r = 0; r < recordings; ++r) {
+    const SeenLine seen = line_in(problem.recording(r), line.frequency_hz);
+    (seen.statistic < kInInput ? moving : at_rest).push_back(r);
+    if (seen.statistic < kInInput) continue;
+    line.amplitude[r] = seen.amplitude;
+    squares += seen.amplitude.squaredNorm();
+  }
+  if (at_rest.empty()) return std::nullopt;
+  const double size = std::sqrt(squares / static_cast<double>(at_rest.size()));
+  for (const std::size_t r : moving) probe.amplitude[r].x() = size;
+
+  // Beside what the valve's own parameters make of it: a line keeps the loop awake, and the fit has gone along.
+  const auto share_of = [&](const Stack& straight, const Stack& quarter) {
+    const auto signatures = fit.signatures({straight, quarter});
+    const double across = fit.product(signatures[0], signatures[1]);
+    Eigen::Matrix2d products;
+    products << fit.product(signatures[0], signatures[0]), across, across, fit.product(signatures[1], signatures[1]);
+    const Eigen::Vector2d with_error(fit.against_error(signatures[0]), fit.against_error(signatures[1]));
+    const Eigen::Vector2d share = products.ldlt().solve(with_error);
+    return std::pair(share, share.dot(with_error));
+  };
+  const auto [share, evidence] = share_of(effect_of(fit, options, line), effect_of(fit, options, turned(line)));
+  line.evidence = evidence;
+  if (!(evidence >= kInResidual)) return std::nullopt;
+  const auto times = [](const Eigen::Vector2d& amplitude, const Eigen::Vector2d& by) {
+    return Eigen::Vector2d(amplitude.x() * by.x() - amplitude.y() * by.y(),
+                           amplitude.y() * by.x() + amplitude.x() * by.y());
+  };
+  for (const std::size_t r : at_rest) line.amplitude[r] = times(line.amplitude[r], share);
+  if (moving.empty()) return line;
+
+  const Stack straight = effect_of(fit, options, probe), quarter = effect_of(fit, options, turned(probe));
+  for (const std::size_t r : moving) {
+    const Eigen::Vector2d own = share_of(only(straight, r), only(quarter, r)).first;
+    // What moves the input is not all known to the simulation.
+    const double most = share.norm() / std::max(share.norm(), own.norm());
+    line.amplitude[r] = times(probe.amplitude[r], own * most);
+  }
+  return line;
 }
 
 }  // namespace
 
 bool stands_in_input(const ValveFitProblem& problem, double frequency_hz) {
   std::size_t with = 0;
-  for (std::size_t r = 0; r < problem.recordings(); ++r) {
-    const Recording& recording = problem.recording(r);
-    const double there = line_in(recording, frequency_hz);
-    if (there < kInInput) continue;
-    double beside = 0;
-    for (const double bins : {-3.0, -2.0, 2.0, 3.0}) {
-      const double bin_hz = 1 / (recording.sample_period_s * static_cast<double>(recording.samples()));
-      const double other = frequency_hz + bins * bin_hz;
-      if (other > 0) beside = std::max(beside, line_in(recording, other));
-    }
-    with += there > kOverNeighbours * beside ? 1 : 0;
-  }
+  for (std::size_t r = 0; r < problem.recordings(); ++r) with += stands_in(problem.recording(r), frequency_hz) ? 1 : 0;
   return with >= std::min<std::size_t>(2, problem.recordings());
 }
 
 CleanInputs without_aliased_lines(const LinearisedValve& fit, const ValveFitOptions& options) {
   CleanInputs clean;
-  for (const Tone& tone : strongest_tones(fit, kMostLines)) {
-    if (!stands_in_input(fit.problem(), tone.frequency_hz)) continue;
-    const auto line = line_behind(fit, options, tone.frequency_hz);
-    if (!line || line->consistent_verified.at_most(line->verified).as_normal() < kInResidual) continue;
-    const double evidence = line->consistent_verified.as_normal();
+  for (const double frequency_hz : candidates(fit)) {
+    if (!stands_in_input(fit.problem(), frequency_hz)) continue;
+    const auto line = line_behind(fit, options, frequency_hz);
+    if (!line) continue;
     if (clean.recordings.empty()) {
       for (std::size_t r = 0; r < fit.error().size(); ++r) clean.recordings.push_back(fit.problem().recording(r));
     }
     double squares = 0;
     for (std::size_t r = 0; r < clean.recordings.size(); ++r) {
-      Recording& recording = clean.recordings[r];
-      const double a = line->parameters[1 + 2 * r], b = line->parameters[2 + 2 * r];
-      for (std::size_t i = 0; i < recording.samples(); ++i) {
-        const double phase =
-            2 * std::numbers::pi * line->parameters[0] * recording.sample_period_s * static_cast<double>(i);
-        recording.input.values[i] -= a * std::cos(phase) + b * std::sin(phase);
-      }
-      squares += (a * a + b * b) / static_cast<double>(clean.recordings.size());
+      clean.recordings[r] = line->taken_off(std::move(clean.recordings[r]), r);
+      squares += line->amplitude[r].squaredNorm() / static_cast<double>(clean.recordings.size());
     }
     const boost::math::chi_squared two(2);
     clean.findings.push_back(
         {.what = fmt::format("a line of {:.3g} Hz and {:.2g} {} in the logged input that the output does not follow: "
                              "ripple or dither folded back by the sampling; taken off before the simulation",
-                             line->parameters[0], std::sqrt(squares), clean.recordings.front().input.unit),
+                             line->frequency_hz, std::sqrt(squares), clean.recordings.front().input.unit),
          .where = "input",
-         .statistic = evidence,
-         .p_value = boost::math::cdf(boost::math::complement(two, std::min(evidence, 1400.0))),
+         .statistic = line->evidence,
+         .p_value = boost::math::cdf(boost::math::complement(two, std::min(line->evidence, 1400.0))),
          .share_of_structured_residual = std::numeric_limits<double>::quiet_NaN()});
   }
   return clean;

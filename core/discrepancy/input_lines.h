@@ -16,9 +16,11 @@ struct CleanInputs {
 /// Takes off the logged input what ripple and dither leave in it: a current clock far above half the sampling rate
 /// appears in the log at an alias of its frequency, the simulation follows that alias, and the valve does not.
 ///
-/// A line is taken off where the residual has it, the input has it in at least two recordings (one, where there is only
-/// one) at the 1e-4 level, and a line of free amplitude and phase in each recording's input explains the residual's.
-/// A line of the input that the valve does follow leaves nothing in the residual and stays.
+/// A line is looked for where the residual has one and where the input at rest has one. It is taken off where the input
+/// has it in at least two recordings (one, where there is only one) at the 1e-4 level and the simulation errs less at
+/// rest without it. Where the input rests, amplitude and phase are the input's; where it moves, the amplitude is at
+/// most that, the phase the residual's. A line of the input that the valve does follow leaves nothing in the residual
+/// and stays.
 ///
 /// fit      of the recordings as logged
 /// Source   aliasing: any text on sampling; the test is the F test of a sine and a cosine beside piecewise straight

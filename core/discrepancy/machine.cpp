@@ -41,7 +41,7 @@ Result<void> check(std::span<const Recording> recordings) {
   return {};
 }
 
-/// A ramp up and down at one speed and nothing else: lag and memory look alike (LESSONS on one slow triangle).
+/// A ramp up and down at one speed and nothing else: lag and memory look alike.
 bool is_one_rate(std::span<const Recording> recordings) {
   double slow = INFINITY, fast = 0;
   for (const Recording& recording : recordings) {

@@ -12,7 +12,6 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr int kSpread = 3;  // cascades slower and faster than the linear machine's own
 constexpr std::size_t kMostPlays = 3;
 constexpr std::size_t kMostStates = 9;
 constexpr std::size_t kMostRows = 4000;

@@ -13,7 +13,7 @@
 namespace valvetriage {
 namespace {
 
-// Margins between held-out errors that served well on recordings of ten machines (LESSONS on holding out): a linear
+// Margins between held-out errors that served well on recordings of ten machines: a linear
 // truth gained 1.1 at most.
 constexpr double kOverLinear = 1.3;
 constexpr double kOverNextFamily = 1.2;
@@ -364,7 +364,7 @@ bool mends_the_first(const MachineSearch& search, const MachineScore& best, doub
 
 /// What a name needs beside its margins before it is given with confidence: evidence that chance gives once in a
 /// hundred, and either nearly nothing left unexplained or twice the accuracy of the next family. What leaves much
-/// structure behind can be beaten by a law that is not in the vocabulary (LESSONS on model bias).
+/// structure behind can be beaten by a law that is not in the vocabulary.
 bool is_beyond_doubt(const MachineSearch& search, const MachineData& data, const MachineScore& best, double noise_rms,
                      const MachineVerdict& verdict) {
   if (verdict.p_value >= kConfident) return false;

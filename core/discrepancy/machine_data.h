@@ -45,9 +45,6 @@ struct MachineData {
   std::vector<std::vector<std::size_t>> all_rows() const;
 };
 
-/// Largest number of samples that a search looks at; more tell no more about which law it is (LESSONS on cost).
-inline constexpr std::size_t kMachineSearchSamples = 8000;
-
 /// Thins a slow recording by whole strides as long as straight lines between the kept samples stay within
 /// `allowed_rms` of the output (in its own unit) and close to the input; what is still too long is cut into windows
 /// spread over the record, moved off where the input rests. Folds: recordings where there are three or more, windows

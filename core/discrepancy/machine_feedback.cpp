@@ -22,7 +22,7 @@ constexpr Index kFewestMoves = 100;
 constexpr double kMoving = 0.3;  // of the samples
 constexpr int kConcentrations = 10;
 
-/// R² of Δu_t on y_t, y_{t−1}, y_{t−2} (LESSONS on regulated loops).
+/// R² of Δu_t on y_t, y_{t−1}, y_{t−2}.
 double feedback_share(const Recording& recording) {
   const auto& u = recording.input.values;
   const auto& y = recording.output.values;

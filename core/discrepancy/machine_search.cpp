@@ -131,7 +131,7 @@ std::vector<MachineScore> pairs(const MachineData& data, const MachineGround& gr
   for (const MachineScore& base : singles) {
     if (bases == kPairBases || !base.held_out) break;
     if (base.mean > linear.mean - std::log(kPairBaseGain)) break;
-    if (base.causes.size() > 1) continue;  // a third cause never paid (LESSONS on holding out)
+    if (base.causes.size() > 1) continue;  // a third cause never paid
     ++bases;
     for (const SignalLaw& law : signal_laws(ground)) {
       if (same_family(base, law.cause)) continue;

@@ -78,10 +78,6 @@ void prefer_lags(const MachineData& data, MachineSearch& search, MachineBudget& 
 /// from every start; the best are refined and judged on held-out groups.
 MachineSearch search_machines(const MachineData& data, MachineGround ground, MachineBudget& budget);
 
-/// A pair in reach of what a single cause leaves is looked for only when that single cause leaves more than this many
-/// noise floors.
-inline constexpr double kPairAboveFloors = 1.2;
-
 /// Geometric-mean error of a flexible black box on the held-out groups: ridge regression on polynomials of lagged
 /// states of the linear machine and of plays of the input, stable by construction.
 std::vector<double> black_box_log_rms(const MachineData& data, const MachineGround& ground);

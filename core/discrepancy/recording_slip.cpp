@@ -26,25 +26,44 @@ constexpr std::array<Unit, 4> kUnits{
     {{"bar", 0.06894757}, {"kPa", 6.894757}, {"MPa", 0.006894757}, {"mbar", 68.94757}}};
 // Of the logarithm of a ratio: more than good valves' gains differ by.
 constexpr double kSameRatio = 0.08;
-// A map that is another unit's has the shape of good valves' map.
+// A pressure in another unit still goes the way of good valves'.
 constexpr double kSameShape = 0.99;
 // A tail beyond this has no number.
 constexpr double kMostDeviation = 1400;
 
-/// A map against good valves': map = ratio · good + constant.
-struct MapsCompared {
+/// Numbers against good valves': any = ratio · good + constant, in the weighted mean square.
+struct Compared {
   double ratio = kUnknown;
   double correlation = 0;
 };
-MapsCompared compare_maps(const VectorXd& map, const ValvePrior& population, const VectorXd& samples) {
-  const double total = samples.sum();
-  const auto centred = [&](const VectorXd& any) -> VectorXd { return any.array() - samples.dot(any) / total; };
-  const VectorXd fitted = centred(map);
-  const VectorXd good = centred(population.mean.tail(map.size()));
-  const double of_both = samples.dot(fitted.cwiseProduct(good));
-  const double of_good = samples.dot(good.cwiseAbs2()), of_fitted = samples.dot(fitted.cwiseAbs2());
-  if (!(of_good > 0) || !(of_fitted > 0)) return {};
-  return {of_both / of_good, of_both / std::sqrt(of_good * of_fitted)};
+Compared compare(const VectorXd& any, const VectorXd& good, const VectorXd& weights) {
+  const double total = weights.sum();
+  const auto centred = [&](const VectorXd& x) -> VectorXd { return x.array() - weights.dot(x) / total; };
+  const VectorXd one = centred(any), other = centred(good);
+  const double of_both = weights.dot(one.cwiseProduct(other));
+  const double of_any = weights.dot(one.cwiseAbs2()), of_good = weights.dot(other.cwiseAbs2());
+  if (!(of_good > 0) || !(of_any > 0)) return {};
+  return {of_both / of_good, of_both / std::sqrt(of_good * of_any)};
+}
+
+/// The pressures against those that the mean of good valves has on the same inputs.
+Compared compare_pressures(const SearchedValve& searched, const ValvePrior& population) {
+  const ValveFitProblem& problem = *searched.baseline.problem;
+  VectorXd mean = searched.baseline.v;
+  mean.head(population.mean.size()) = population.mean;
+  std::vector<double> measured, good;
+  for (std::size_t r = 0; r < problem.recordings(); ++r) {
+    const Recording& recording = problem.recording(r);
+    const std::vector<double> simulated = problem.simulate(mean, r);
+    for (std::size_t i = 0; i < recording.samples(); ++i) {
+      if (!recording.is_valid(i)) continue;
+      measured.push_back(recording.output.values[i]);
+      good.push_back(simulated[i]);
+    }
+  }
+  const auto n = static_cast<Eigen::Index>(measured.size());
+  return compare(Eigen::Map<const VectorXd>(measured.data(), n), Eigen::Map<const VectorXd>(good.data(), n),
+                 VectorXd::Ones(n));
 }
 
 /// What it costs to have another map in place of the fitted one, in noise variances.
@@ -64,6 +83,20 @@ Finding finding_of(std::string what, double deviation) {
           .share_of_structured_residual = kUnknown};
 }
 
+/// Whether no recording's reading differs from its own first, to the last digit.
+bool never_moves(const ValveFitProblem& problem) {
+  for (std::size_t r = 0; r < problem.recordings(); ++r) {
+    const Recording& recording = problem.recording(r);
+    std::optional<double> first;
+    for (std::size_t i = 0; i < recording.samples(); ++i) {
+      if (!recording.is_valid(i)) continue;
+      if (!first) first = recording.output.values[i];
+      if (recording.output.values[i] != *first) return false;
+    }
+  }
+  return true;
+}
+
 }  // namespace
 
 std::optional<Finding> recording_slip(const SearchedValve& searched) {
@@ -74,21 +107,28 @@ std::optional<Finding> recording_slip(const SearchedValve& searched) {
   if (!(samples.sum() > 0)) return std::nullopt;
 
   const ValvePrior& population = *explanation.options->prior;
+  const VectorXd good = population.mean.tail(samples.size());
+  if (never_moves(problem)) {
+    return finding_of(
+        "pressure never moves, to the last digit: gauge or cable is dead, or the valve does not move; check the gauge "
+        "before the valve",
+        cost_of_map(searched.baseline, good));
+  }
   const VectorXd map = explanation.v.segment(ValveFitProblem::kParameters, problem.knots());
-  if (compare_maps(map, population, samples).ratio < 0) {
+  if (compare(map, good, samples).ratio < 0) {
     const double deviation = cost_of_map(explanation, problem.rising_map(explanation.v));
     if (deviation > samples.sum()) {
       return finding_of("pressure falls as current rises, in good valves it rises: check the sign of the pressure",
                         deviation);
     }
   }
-  const MapsCompared alone = compare_maps(problem.rising_map(searched.baseline.v), population, samples);
+  const Compared pressures = compare_pressures(searched, population);
   for (const Unit& unit : kUnits) {
-    if (alone.correlation < kSameShape || std::abs(std::log(alone.ratio / unit.per_psi)) > kSameRatio) continue;
-    const VectorXd good = population.mean.tail(samples.size());
+    if (pressures.correlation < kSameShape) continue;
+    if (std::abs(std::log(pressures.ratio / unit.per_psi)) > kSameRatio) continue;
     return finding_of(fmt::format("pressure rises {:.3g} times as far as in good valves, as {} called psi would: check "
                                   "the unit of the pressure",
-                                  alone.ratio, unit.name),
+                                  pressures.ratio, unit.name),
                       cost_of_map(searched.baseline, good));
   }
   return std::nullopt;

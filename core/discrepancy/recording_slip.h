@@ -7,16 +7,18 @@
 namespace valvetriage {
 
 /// What the static map of a fitted valve says of the recordings rather than of the valve: a pressure whose sign is
-/// swapped, or that is in another unit than it is called.
+/// swapped, that is in another unit than it is called, or that never moves.
 ///
-/// sign  the map of the explanation falls as good valves' map rises, and one that falls nowhere would miss the
-/// pressures
-///       by more than their noise. No law turns a valve round, so whatever was found beside such a map is no cause
-/// unit  the map of the valve alone is good valves' map times what one unit of pressure is in another, within a good
-///       valve's spread of gain
+/// sign   the map of the explanation falls as good valves' map rises, and one that falls nowhere would miss the
+///        pressures by more than their noise. No law turns a valve round, so whatever was found beside such a map is no
+///        cause
+/// gauge  the pressure is one value throughout each recording, to the last digit: no law is told from another by a
+///        reading that never moves, be it the gauge's fault or the valve's
+/// unit   the pressures are those of good valves on the same inputs times what one unit of pressure is in another,
+///        within a good valve's spread of gain
 ///
 /// returns  the finding, in words that say what to check; empty for everything a valve can do
-/// Cost     two simulations of the session
+/// Cost     three simulations of the session
 std::optional<Finding> recording_slip(const SearchedValve& searched);
 
 /// The conclusion for such recordings: `unexplained` for this reason, nothing named, nothing added to the baseline. No

@@ -13,6 +13,10 @@ using Eigen::Index;
 
 // Fewer periods do not tell a tone from what wanders slowly.
 constexpr double kFewestPeriods = 10;
+// A spectrum of fewer samples tells no line from its neighbours.
+constexpr std::size_t kShortestSeries = 16;
+// What a driver needs to reach the current of a step.
+constexpr double kDriverSettling_s = 0.1;
 // Hunting shows in several rests, each of them short: what has fewer periods in a rest is a drift there.
 constexpr double kFewestInRest = 3;
 // The background of a line: the median over this many bins to either side.
@@ -64,6 +68,53 @@ std::vector<double> prominence(std::vector<double> series) {
   for (std::size_t k = 0; k < power.size(); ++k) power[k] = std::norm(spectrum[k]);
   divide_by_background(power);
   return power;
+}
+
+struct Peak {
+  double frequency_hz = 0;
+  double prominence = 0;
+};
+
+/// The highest local maxima of prominences, by the top of a parabola through three bins.
+///
+/// longest  samples of the longest series; of fewer than kFewestPeriods in it nothing is told
+std::vector<Peak> peaks_of(const std::vector<double>& power, std::size_t longest, std::size_t length, double grid_s,
+                           std::size_t most) {
+  const double bin_hz = 1.0 / (static_cast<double>(length) * grid_s);
+  const auto first =
+      static_cast<std::size_t>(std::ceil(kFewestPeriods / (static_cast<double>(longest) * grid_s) / bin_hz));
+  std::vector<std::size_t> order;
+  for (std::size_t k = std::max<std::size_t>(first, 1); k + 1 < power.size(); ++k) {
+    if (power[k] >= power[k - 1] && power[k] > power[k + 1]) order.push_back(k);
+  }
+  std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return power[a] > power[b]; });
+  if (order.size() > most) order.resize(most);
+  std::vector<Peak> peaks;
+  for (const std::size_t k : order) {
+    const double left = power[k - 1], mid = power[k], right = power[k + 1];
+    const double bend = left - 2 * mid + right;
+    const double shift = bend < 0 ? 0.5 * (left - right) / bend : 0;
+    peaks.push_back({(static_cast<double>(k) + shift) * bin_hz, mid});
+  }
+  return peaks;
+}
+
+/// The logged input where it rests, a straight line taken off each rest, zero elsewhere; empty where it never rests.
+std::vector<double> input_at_rest(const Recording& recording, std::size_t length) {
+  const auto settling = static_cast<std::size_t>(kDriverSettling_s / recording.sample_period_s) + 1;
+  std::vector<double> series;
+  for (const Segment& segment : recording.segments) {
+    if (segment.kind != SegmentKind::kHold && segment.kind != SegmentKind::kStep) continue;
+    const std::size_t begin = segment.begin + settling;
+    if (segment.end < begin + kShortestSeries) continue;
+    const auto n = static_cast<Index>(segment.end - begin);
+    const auto input = Eigen::Map<const Eigen::VectorXd>(recording.input.values.data() + begin, n);
+    const Eigen::VectorXd ramp = Eigen::VectorXd::LinSpaced(n, -1, 1);
+    const Eigen::VectorXd level = input.array() - input.mean();
+    series.resize(length, 0.0);
+    Eigen::Map<Eigen::VectorXd>(series.data() + begin, n) = level - ramp * (ramp.dot(level) / ramp.squaredNorm());
+  }
+  return series;
 }
 
 /// Least squares of a sine and a cosine in each recording.
@@ -203,7 +254,7 @@ std::vector<Tone> strongest_tones(const LinearisedValve& fit, std::size_t most) 
       longest = std::max(longest, rows.sample.back() / static_cast<std::size_t>(fit.weight()) + 1);
     }
   }
-  if (longest < 16) return {};
+  if (longest < kShortestSeries) return {};
   const std::size_t length = smooth_length(2 * longest);
   std::vector<double> sum(length / 2, 0.0);
   for (std::size_t r = 0; r < fit.error().size(); ++r) {
@@ -211,26 +262,33 @@ std::vector<Tone> strongest_tones(const LinearisedValve& fit, std::size_t most) 
     const std::vector<double> power = prominence(on_grid(fit, r, length));
     for (std::size_t k = 0; k < sum.size(); ++k) sum[k] += power[k];
   }
-  const double bin_hz = 1.0 / (static_cast<double>(length) * grid_s);
-  const auto first =
-      static_cast<std::size_t>(std::ceil(kFewestPeriods / (static_cast<double>(longest) * grid_s) / bin_hz));
   std::vector<Tone> tones;
-  std::vector<std::size_t> order;
-  for (std::size_t k = std::max<std::size_t>(first, 1); k + 1 < sum.size(); ++k) {
-    if (sum[k] >= sum[k - 1] && sum[k] > sum[k + 1]) order.push_back(k);
-  }
-  std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return sum[a] > sum[b]; });
-  for (const std::size_t k : order) {
-    if (tones.size() == most) break;
-    // The top of a parabola through three bins.
-    const double left = sum[k - 1], mid = sum[k], right = sum[k + 1];
-    const double bend = left - 2 * mid + right;
-    const double shift = bend < 0 ? 0.5 * (left - right) / bend : 0;
-    Tone tone{.frequency_hz = (static_cast<double>(k) + shift) * bin_hz, .prominence = mid};
+  for (const Peak& peak : peaks_of(sum, longest, length, grid_s, most)) {
+    Tone tone{.frequency_hz = peak.frequency_hz, .prominence = peak.prominence};
     fit_phases(fit, sample_period_s, tone);
     tones.push_back(std::move(tone));
   }
   return tones;
+}
+
+std::vector<double> strongest_input_lines(const ValveFitProblem& problem, std::size_t most) {
+  const double sample_period_s = problem.recording(0).sample_period_s;
+  std::size_t longest = 0;
+  for (std::size_t r = 0; r < problem.recordings(); ++r) longest = std::max(longest, problem.recording(r).samples());
+  if (longest < kShortestSeries) return {};
+  const std::size_t length = smooth_length(2 * longest);
+  std::vector<double> sum(length / 2, 0.0);
+  for (std::size_t r = 0; r < problem.recordings(); ++r) {
+    const Recording& recording = problem.recording(r);
+    if (recording.sample_period_s != sample_period_s) continue;
+    const std::vector<double> series = input_at_rest(recording, length);
+    if (series.empty()) continue;
+    const std::vector<double> power = prominence(series);
+    for (std::size_t k = 0; k < sum.size(); ++k) sum[k] += power[k];
+  }
+  std::vector<double> lines;
+  for (const Peak& peak : peaks_of(sum, longest, length, sample_period_s, most)) lines.push_back(peak.frequency_hz);
+  return lines;
 }
 
 }  // namespace valvetriage

@@ -20,6 +20,10 @@ struct Tone {
 /// Cost   O(n log n)
 std::vector<Tone> strongest_tones(const LinearisedValve& fit, std::size_t most);
 
+/// Frequencies of the most prominent lines of the logged input while it rests, the most prominent first; see
+/// strongest_tones [Hz]
+std::vector<double> strongest_input_lines(const ValveFitProblem& problem, std::size_t most);
+
 /// A tone that only some levels have, its frequency following the level.
 struct HuntingTone {
   double frequency_hz = 0;  ///< at the level where strongest

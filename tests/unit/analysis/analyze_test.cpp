@@ -165,7 +165,8 @@ TEST(Analyze, AMissingLevelIsNamed) {
   const std::vector<Recording> low{test::step_to({}, 1.4, kNoise_psi, 1)};
   const auto analysis = analysed(low, {.reference = reference(), .rule_base = rule_base()});
   EXPECT_EQ(analysis.classification.reason, NoVerdict::kLevelMissing);
-  EXPECT_NE(analysis.classification.explanation.find("high"), std::string::npos) << analysis.classification.explanation;
+  EXPECT_NE(analysis.classification.explanation.find("level 1.6 A"), std::string::npos)
+      << analysis.classification.explanation;
   EXPECT_EQ(analysis.classification.action, "retest");
 }
 
@@ -276,12 +277,27 @@ TEST(Analyze, ARecordingWithADeadGaugeIsLeftOutAmongLiveOnes) {
   }
 }
 
-TEST(Analyze, AValveThatNeverFollowsIsJudgedThoughItsGaugeMayBeDead) {
+TEST(Analyze, AValveThatNeverFollowsIsJudgedThoughItsGaugeMayBeDeadAndGivenNoName) {
   auto recordings = test::session({}, kNoise_psi, 900);
   for (Recording& recording : recordings) freeze(recording);
   const auto analysis = analysed(recordings, {.reference = reference(), .rule_base = rule_base()});
   ASSERT_TRUE(analysis.classification.verdict);
   EXPECT_NE(*analysis.classification.verdict, "Good");
+  ASSERT_TRUE(analysis.discrepancy);
+  EXPECT_EQ(analysis.discrepancy->conclusion, Conclusion::kUnexplained);
+  EXPECT_TRUE(analysis.discrepancy->causes.empty());
+  const std::string& said = analysis.discrepancy->findings.front().what;
+  EXPECT_NE(said.find("check the gauge before the valve"), std::string::npos) << said;
+}
+
+TEST(Analyze, SwappedColumnsAreToldThoughSomeOfTheirNumbersLieWithinTheReference) {
+  auto recordings = test::session({}, kNoise_psi, 900);
+  for (Recording& recording : recordings) std::swap(recording.input.values, recording.output.values);
+  const auto analysis = analysed(recordings, {.reference = reference(), .rule_base = rule_base()});
+  EXPECT_FALSE(analysis.discrepancy);
+  EXPECT_EQ(analysis.classification.action, "retest");
+  EXPECT_NE(analysis.classification.explanation.find("columns are swapped"), std::string::npos)
+      << analysis.classification.explanation;
 }
 
 TEST(Analyze, AReferenceBaselineWithoutAReferenceIsAnError) {

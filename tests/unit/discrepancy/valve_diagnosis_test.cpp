@@ -111,6 +111,11 @@ TEST(ValveDiagnosis, APressureInAnotherUnitIsNoLossOfGainAndALossOfGainNoUnit) {
     EXPECT_EQ(found.conclusion, Conclusion::kUnexplained) << unit;
     ASSERT_EQ(found.findings.size(), 1u) << unit;
     EXPECT_NE(found.findings.front().what.find(unit), std::string::npos) << found.findings.front().what;
+    // Of one recording the prior holds the map, so that other laws account for much of the unit.
+    const auto one = with_pressures({healthy.front()}, factor);
+    const Discrepancy of_one = diagnosed(one, population).discrepancy;
+    ASSERT_EQ(of_one.findings.size(), 1u) << unit;
+    EXPECT_NE(of_one.findings.front().what.find(unit), std::string::npos) << of_one.findings.front().what;
   }
   const MechanismUse loss{.cause = "gain_loss", .parameters = {0.3}};
   const Discrepancy found = diagnosed(with_cause(healthy, population.model(valve), loss), population).discrepancy;
@@ -144,6 +149,24 @@ TEST(ValveDiagnosis, ALineThatOnlyTheLogOfTheInputHasIsNoDisturbance) {
   const std::string before = "a line of 1.7 Hz and ";
   ASSERT_EQ(what.find(before), 0u) << what;
   EXPECT_NEAR(std::stod(what.substr(before.size())), 0.002, 0.0004) << what;
+}
+
+TEST(ValveDiagnosis, AWeakLineInTheLogIsTakenOffThoughTheOutputHasStrongerOnesOfItsOwn) {
+  const test::MadeValve valve;
+  const auto healthy = test::session(valve, kNoise_psi, 5);
+  auto recordings = with_line_in_log(healthy, 0.001);
+  for (Recording& recording : recordings) {
+    for (std::size_t i = 0; i < recording.samples(); ++i) {
+      const double t = static_cast<double>(i) * recording.sample_period_s;
+      for (const double hz : {5.13, 8.31, 12.7}) {
+        recording.output.values[i] += 0.3 * std::sin(2 * std::numbers::pi * hz * t);
+      }
+    }
+  }
+  const Discrepancy found = diagnosed(recordings, Population(healthy, valve)).discrepancy;
+  EXPECT_TRUE(std::ranges::any_of(found.findings, [](const Finding& finding) {
+    return finding.where == "input" && finding.what.starts_with("a line of 1.7 Hz");
+  }));
 }
 
 TEST(ValveDiagnosis, AToneThatHalfOfTheRecordingsHaveIsNotTheStands) {
