@@ -22,6 +22,9 @@ int main(int argc, char** argv) {
   CLI::App app{"valvetriage: batch analysis of warranty returns of electronic fuel-control valves"};
   app.set_version_flag("--version", "valvetriage " VALVETRIAGE_VERSION);
   app.require_subcommand(1);
+  app.footer(
+      "Exit status: 0 done, 1 failure, 2 bad input or usage. submit --wait: 1 the server or a job failed, else 2 some\n"
+      "input was rejected, else 3 some verdict is not Good or there is none.");
   int exit_status = kDone;
 #define X(verb) add_##verb##_command(app, exit_status);
   VALVETRIAGE_COMMANDS(X)

@@ -18,7 +18,7 @@ struct ArxFit {
 };
 
 /// Batch ARX: y_t = Σ b_i u_{t−k−i} − Σ a_j y_{t−j} + offset_r + e_t by Householder QR, an offset for each recording.
-/// Unbiased for white e only; output noise biases it (paper-notes on Eqs 7 to 15).
+/// Unbiased for white e only; output noise biases it.
 ///
 /// recordings  one or more of one sample time; a row takes part where it and all its lags are valid
 /// Errors      no_samples, too_few_samples, constant_input, sample_time_differs

@@ -38,7 +38,7 @@ struct OutputErrorOptions {
   OffsetSharing offsets = OffsetSharing::kPerRecording;
   int max_iterations = 40;  ///< of the final refinement; a search that needs more gains nothing visible
   double tolerance = 1e-7;  ///< relative change of the squared error that counts as none: far below one unit of χ²
-  std::size_t max_search_rows = 4000;      ///< rows on which starts are compared; the winner sees all (LESSONS on cost)
+  std::size_t max_search_rows = 4000;      ///< rows on which starts are compared; the winner sees all
   std::vector<TransferFunction> starts{};  ///< further starting points: their poles (z domain, same sample time)
 };
 

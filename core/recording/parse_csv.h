@@ -19,7 +19,7 @@ class ByteSource {
   virtual bool rewind() = 0;
 };
 
-/// A recording from CSV text (CONTRACT section 1).
+/// A recording from CSV text.
 ///
 ///   [UTF-8 BOM]  { "# key: value" LF }  header LF  { row LF }       LF or CRLF, blank lines skipped
 ///

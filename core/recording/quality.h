@@ -21,7 +21,7 @@ namespace valvetriage {
 ///            long as they are at most one sample in a hundred
 /// feedback   the input follows the output: the increment of the input regressed on the present and two past outputs
 /// has
-///            R² > 0.75 (LESSONS 30 of the design), and is not foreseen from its own past (R² < 0.9) as a drawn signal
+///            R² > 0.75, and is not foreseen from its own past (R² < 0.9) as a drawn signal
 ///            is
 ///
 /// recording  with grid, channels and segments

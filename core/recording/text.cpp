@@ -60,6 +60,7 @@ bool is_clean_utf8(std::string_view text) {
 std::string_view unclean_words(std::string_view text) {
   const std::size_t at = first_unclean(text);
   if (at == std::string_view::npos) return "is clean";
+  if (text.starts_with("PK\x03\x04")) return "is a zip file, as Excel's workbooks are: save the sheet as CSV";
   if (byte_at(text, at) == '\r') return "has a carriage return inside a line: lines end in LF or CRLF";
   if (is_control(byte_at(text, at))) return "has a control character";
   return "is not UTF-8 text: save the file as UTF-8";

@@ -11,7 +11,7 @@ namespace valvetriage {
 /// The period is the mean interval between neighbours (intervals above 1.5 medians, the gaps, left out), so that stamps
 /// rounded to a few decimals still give the true one. Stamps within 5 % of a period of the grid, or rounded to a
 /// multiple of one resolution, are uniform: the samples stand as they are. Otherwise they jitter, and are interpolated:
-/// linearly, and as a zero-order hold across a jump of the input (LESSONS 8 of the design: half a sample of error at a
+/// linearly, and as a zero-order hold across a jump of the input (half a sample of error at a
 /// step edge is many times the noise). Grid samples inside a gap are filled in the same way and marked not valid.
 /// `quality` gets `jitter` and `gap`.
 ///

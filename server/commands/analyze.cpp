@@ -9,6 +9,7 @@
 #include "server/commands/documents.h"
 #include "server/commands/recording_options.h"
 #include "server/jobs/analyze_session.h"
+#include "server/report/sentence.h"
 #include "server/wire/discrepancy_json.h"
 
 namespace valvetriage {
@@ -71,7 +72,6 @@ void append_recordings(const Analysis& analysis, std::string& page) {
 
 /// The interval and not the standard error: it is the interval that also holds how far the law itself can be trusted.
 std::string estimate_text(const ParameterEstimate& estimate) {
-  if (!estimate.text.empty()) return estimate.text;
   std::string text = fmt::format("{:.4g}", estimate.value);
   if (!estimate.unit.empty()) text += " " + estimate.unit;
   const auto [low, high] = estimate.ci95;
@@ -79,23 +79,31 @@ std::string estimate_text(const ParameterEstimate& estimate) {
   return text;
 }
 
-/// What the simulation gets wrong: the conclusion, each cause with its rivals and parameters, the held-out gain.
-void append_discrepancy(const Discrepancy& discrepancy, const std::string& unit, std::string& page) {
+/// What the simulation gets wrong: the conclusion in a sentence, each cause with its rivals and parameters, the
+/// held-out gain, whose fault it is and what to test next.
+void append_discrepancy(const Analysis& analysis, const std::string& unit, std::string& page) {
+  const Discrepancy& discrepancy = *analysis.discrepancy;
   page += fmt::format("Discrepancy {}\n", to_string(discrepancy.conclusion));
-  for (const Finding* finding : {discrepancy.slip(), discrepancy.taken_up()}) {
-    if (finding) page += fmt::format("  {}\n", finding->what);
-  }
+  const report::Summary summary = report::summarise(analysis);
+  page += fmt::format("  {}\n", summary.discrepancy);
   for (const NamedCause& cause : discrepancy.causes) {
     page += fmt::format("  {} (probability {:.2f})", cause.cause, cause.probability);
     for (const std::string& rival : cause.alternatives) page += fmt::format(", or {}", rival);
     page += "\n";
     for (const auto& [name, estimate] : cause.parameters) {
-      page += fmt::format("    {} {}\n", name, estimate_text(estimate));
+      const std::string words = report::value_words(name, estimate, analysis.recordings);
+      page += fmt::format("    {} {}\n", name, words.empty() ? estimate_text(estimate) : words);
     }
   }
   if (discrepancy.causes.empty()) return;
   page += fmt::format("  held out ({}): rmse {:.4g} {} becomes {:.4g} {}\n", discrepancy.gain.heldout,
                       discrepancy.gain.rmse_baseline, unit, discrepancy.gain.rmse_extended, unit);
+  for (const std::string& sentence : {summary.fault, summary.next_test}) {
+    if (!sentence.empty()) page += fmt::format("  {}\n", sentence);
+  }
+  if (discrepancy.next_test && !discrepancy.next_test->input_csv.empty()) {
+    page += "  Its current is in discrepancy.next_test.input_csv of --json.\n";
+  }
 }
 
 /// A line per sweep: its transfer function and figures, or why there are none.
@@ -140,7 +148,7 @@ std::string page_of(const Analysis& analysis) {
   page += fmt::format("Simulation  rmse {:.4g} {}, noise floor {:.4g} {}, {}\n", analysis.simulation.rmse, unit,
                       analysis.simulation.noise_floor, unit, fit_text(analysis.simulation.fit_percent));
   if (analysis.discrepancy) {
-    append_discrepancy(*analysis.discrepancy, unit, page);
+    append_discrepancy(analysis, unit, page);
   } else {
     page += "Discrepancy not looked for\n";
   }

@@ -22,12 +22,19 @@ struct PlanArguments {
   std::string output;
 };
 
-/// All levels of the map for steps and a staircase, its two ends for everything that runs between levels.
+/// For steps and a staircase the levels of a map that has few, of another one eleven from end to end; for everything
+/// that runs between levels its two ends.
 std::vector<double> default_levels(PlannedTest test, const StaticMap& map) {
+  constexpr std::size_t kFew = 12, kSpread = 11;
+  const double low = map.output.front(), high = map.output.back();
   const bool holds = test == PlannedTest::kStep || test == PlannedTest::kStaircase;
-  const StaticMap levels = map.output.size() <= 12 ? map : paper_steady_map();
-  if (holds) return levels.output;
-  return {levels.output.front(), levels.output.back()};
+  if (!holds) return {low, high};
+  if (map.output.size() <= kFew) return map.output;
+  std::vector<double> levels(kSpread, high);
+  for (std::size_t i = 0; i + 1 < kSpread; ++i) {
+    levels[i] = low + static_cast<double>(i) * (high - low) / static_cast<double>(kSpread - 1);
+  }
+  return levels;
 }
 
 Result<StaticMap> steady_map(const std::string& reference_file) {
@@ -57,7 +64,8 @@ void add_plan_command(CLI::App& app, int& exit_status) {
       app.add_subcommand("plan", "The current to play on the stand, from pressures through the steady map");
   auto arguments = std::make_shared<PlanArguments>();
   TestPlan& plan = arguments->plan;
-  verb->add_option("--levels-psi", plan.levels_psi, "Steady pressures, comma separated; all of the map when not said")
+  verb->add_option("--levels-psi", plan.levels_psi,
+                   "Steady pressures, comma separated; over all of the map when not said")
       ->delimiter(',');
   verb->add_option("--test", arguments->test, "step, staircase, triangle, sweep or multisine")
       ->check(CLI::IsMember(kTests))

@@ -11,7 +11,7 @@ namespace valvetriage {
 /// An analysis, its document, and which of the given recordings each of its own is.
 struct SessionAnalysis {
   Analysis analysis;
-  Json document;                      ///< CONTRACT section 3
+  Json document;                      ///< schemas/analysis.schema.json
   std::vector<Recording> recordings;  ///< as they were analysed, in the analysis' order
   std::vector<std::size_t> order;     ///< order[i]: place in the argument of the analysis' recording i
 };

@@ -68,20 +68,12 @@ std::string verdict_sentence(const ClassificationResult& result) {
   return text;
 }
 
-/// In which recording, where the law says so by its index.
-std::string recording_words(double index, const std::vector<RecordingSummary>& recordings) {
-  const auto at = static_cast<std::size_t>(std::max(0.0, std::round(index)));
-  return at < recordings.size() ? "in " + recordings[at].name : "";
-}
-
-std::string parameter_words(const std::string& name, const ParameterEstimate& estimate) {
-  if (name == "ahead_of_map") {
-    return estimate.value != 0 ? "ahead of the static map: coil or spool" : "behind the static map: pressure or gauge";
-  }
-  if (name == "spool_stops")
-    return estimate.value != 0 ? "the spool comes to a stop" : "a relief, or the reading is clipped";
+std::string parameter_words(const std::string& name, const ParameterEstimate& estimate,
+                            const std::vector<RecordingSummary>& recordings) {
+  const std::string words = value_words(name, estimate, recordings);
   const std::string shown = parameter_name(name, estimate.unit);
-  if (!estimate.text.empty()) return shown + " " + estimate.text;
+  if (name == "recording") return words.empty() ? "" : "in " + words;
+  if (!words.empty()) return estimate.text.empty() ? words : shown + " " + words;
   std::string text = fmt::format("{} {}", shown, quantity(estimate.value, estimate.unit));
   if (std::isfinite(estimate.ci95[0]) && std::isfinite(estimate.ci95[1])) {
     text += fmt::format(" (95 %: {} to {})", quantity(estimate.ci95[0], estimate.unit),
@@ -98,8 +90,7 @@ std::string parameters_words(const NamedCause& cause, const std::vector<Recordin
   for (const auto& [name, estimate] : cause.parameters) {
     const auto is_this = [&name = name](const MechanismParameter& parameter) { return parameter.name == name; };
     if (std::any_of(own.begin(), own.end(), is_this)) continue;
-    const std::string said =
-        name == "recording" ? recording_words(estimate.value, recordings) : parameter_words(name, estimate);
+    const std::string said = parameter_words(name, estimate, recordings);
     if (!said.empty()) words += (words.empty() ? "" : "; ") + said;
   }
   return words;
@@ -131,6 +122,20 @@ std::string nothing_left(const std::optional<std::string>& verdict) {
       *verdict);
 }
 
+/// A cause beside a verdict that knows of none.
+std::string beside_good_steps(const std::optional<std::string>& verdict) {
+  if (verdict != "Good") return {};
+  return " The verdict Good stands beside it: the steps that it rests on are as near to those of the mean good valve "
+         "as "
+         "a good valve's.";
+}
+
+/// What is listed with a conclusion that names nothing.
+std::string no_answer(const Discrepancy& discrepancy) {
+  if (discrepancy.causes.empty()) return {};
+  return " What comes closest is listed, and is not the answer.";
+}
+
 std::string discrepancy_sentence(const Discrepancy& discrepancy, const std::optional<std::string>& verdict) {
   std::vector<std::string> names;
   bool rivals = false;
@@ -143,22 +148,26 @@ std::string discrepancy_sentence(const Discrepancy& discrepancy, const std::opti
     case Conclusion::kNone:
       return nothing_left(verdict);
     case Conclusion::kNamed:
-      return fmt::format("The simulation is wrong because it lacks {}.", fmt::join(names, " and "));
+      return fmt::format("The simulation is wrong because it lacks {}.", fmt::join(names, " and ")) +
+             beside_good_steps(verdict);
     case Conclusion::kAmbiguous:
       return "Something is wrong, but these recordings do not settle what: " +
-             std::string(rivals ? "more than one cause explains them." : "no cause stands out clearly enough.");
+             std::string(rivals ? "more than one cause explains them." : "no cause stands out clearly enough.") +
+             beside_good_steps(verdict);
     case Conclusion::kUnexplained:
       if (const Finding* slip = discrepancy.slip()) {
-        return fmt::format("Something is wrong with the recordings rather than the valve: {}.", slip->what);
+        return fmt::format("These recordings allow no cause to be named: {}.", slip->what);
       }
       if (const Finding* own = discrepancy.taken_up()) {
         return fmt::format(
-            "Something is wrong that the simulation follows only with parameters that no good valve has: {}. It is not "
-            "known what makes them so; do not read a cause into this result.",
-            own->what);
+                   "Something is wrong that the simulation follows only with parameters that no good valve "
+                   "has: {}. It is not known what makes them so; do not read a cause into this result.",
+                   own->what) +
+               beside_good_steps(verdict);
       }
       return "Something is wrong that no known cause explains. It is not known what; do not read a cause into this "
-             "result.";
+             "result." +
+             no_answer(discrepancy) + beside_good_steps(verdict);
   }
   return {};
 }
@@ -199,7 +208,12 @@ std::string gain_sentence(const Discrepancy& discrepancy, const std::string& uni
   return text + ".";
 }
 
-std::string next_test_sentence(const NextTest& test) {
+std::string next_test_sentence(const Discrepancy& discrepancy) {
+  if (!discrepancy.next_test) {
+    if (discrepancy.conclusion != Conclusion::kAmbiguous) return {};
+    return "No test that is known here is expected to settle it.";
+  }
+  const NextTest& test = *discrepancy.next_test;
   std::string text = fmt::format("Next test: {}.", test.test);
   if (!test.why.empty()) text += fmt::format(" {}", capitalised(test.why));
   if (!text.ends_with('.')) text += '.';
@@ -244,6 +258,20 @@ std::string quantity(double value, const std::string& unit) {
   return unit.empty() ? number : number + " " + unit;
 }
 
+std::string value_words(const std::string& parameter, const ParameterEstimate& estimate,
+                        const std::vector<RecordingSummary>& recordings) {
+  if (!estimate.text.empty()) return estimate.text;
+  if (parameter == "ahead_of_map") {
+    return estimate.value != 0 ? "ahead of the static map: coil or spool" : "behind the static map: pressure or gauge";
+  }
+  if (parameter == "spool_stops") {
+    return estimate.value != 0 ? "the spool comes to a stop" : "a relief, or the reading is clipped";
+  }
+  if (parameter != "recording") return {};
+  const auto at = static_cast<std::size_t>(std::max(0.0, std::round(estimate.value)));
+  return at < recordings.size() ? recordings[at].name : std::string{};
+}
+
 std::string figure(double value) {
   if (!std::isfinite(value)) return "–";
   if (value == 0) return "0";
@@ -275,7 +303,7 @@ Summary summarise(const Analysis& analysis) {
   summary.fault = fault_sentence(discrepancy);
   summary.gain = gain_sentence(discrepancy, analysis.baseline.model.output_unit);
   summary.upper_limits = upper_limits(discrepancy);
-  if (discrepancy.next_test) summary.next_test = next_test_sentence(*discrepancy.next_test);
+  summary.next_test = next_test_sentence(discrepancy);
   return summary;
 }
 

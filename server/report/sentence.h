@@ -16,7 +16,7 @@ struct Summary {
   std::string fault;                ///< whose fault it is, or would be; empty where no cause is told
   std::string gain;                 ///< what the causes gain on data they were not fitted to; empty without causes
   std::vector<std::string> upper_limits;  ///< what the recordings exclude
-  std::string next_test;                  ///< empty where there is none
+  std::string next_test;  ///< what would settle what is open, or that no test would; empty where nothing is open
 };
 
 Summary summarise(const Analysis& analysis);
@@ -27,6 +27,11 @@ std::string spoken(const std::string& cause);
 /// Three significant digits with the unit: "18.3 mA", "0.402 psi", "12 %". Amperes below 0.1 are shown in mA, seconds
 /// below 0.1 in ms. "unknown" where the value is not finite.
 std::string quantity(double value, const std::string& unit);
+
+/// The value of a cause's parameter where it is no number to a person: a recording by its name, a place by its words.
+/// Empty where the value is a number.
+std::string value_words(const std::string& parameter, const ParameterEstimate& estimate,
+                        const std::vector<RecordingSummary>& recordings);
 
 /// A number of a table, as the page writes it: three significant digits with their zeros, so that a column lines up,
 /// and no power of ten between 0.0001 and a million. "–" where it is not finite.

@@ -93,12 +93,13 @@ std::string verdict_part(const Analysis& analysis, const Summary& summary) {
   return body + level_table(analysis.simulation, analysis.baseline.model.output_unit) + rule_list(result);
 }
 
-std::string parameter_table(const NamedCause& cause) {
+std::string parameter_table(const NamedCause& cause, const std::vector<RecordingSummary>& recordings) {
   if (cause.parameters.empty()) return {};
   Table table(
       {{"Parameter"}, {"Value", true}, {"Standard error", true}, {"95 % interval", true}, {"Good valves", true}});
   for (const auto& [name, p] : cause.parameters) {
-    const std::string value = p.text.empty() ? quantity(p.value, p.unit) : p.text;
+    const std::string words = value_words(name, p, recordings);
+    const std::string value = words.empty() ? quantity(p.value, p.unit) : words;
     const bool bounded = std::isfinite(p.ci95[0]) && std::isfinite(p.ci95[1]);
     const bool known = std::isfinite(p.population_mean);
     table.add_row(
@@ -109,9 +110,10 @@ std::string parameter_table(const NamedCause& cause) {
   return table.markup();
 }
 
-std::string cause_part(const NamedCause& cause, const std::string& sentence) {
-  std::string body =
-      fmt::format("<h3>{}</h3>\n", escaped(spoken(cause.cause))) + paragraph(sentence) + parameter_table(cause);
+std::string cause_part(const NamedCause& cause, const std::string& sentence,
+                       const std::vector<RecordingSummary>& recordings) {
+  std::string body = fmt::format("<h3>{}</h3>\n", escaped(spoken(cause.cause))) + paragraph(sentence) +
+                     parameter_table(cause, recordings);
   if (cause.evidence.empty()) return body;
   body += "<ul>\n";
   for (const std::string& line : cause.evidence) body += fmt::format("<li>{}</li>\n", escaped(line));
@@ -137,7 +139,9 @@ std::string discrepancy_part(const Analysis& analysis, const Summary& summary) {
       paragraph(summary.discrepancy + (summary.fault.empty() ? "" : " " + summary.fault), " class=\"said\"");
   if (!analysis.discrepancy) return body;
   const Discrepancy& found = *analysis.discrepancy;
-  for (std::size_t i = 0; i < found.causes.size(); ++i) body += cause_part(found.causes[i], summary.causes[i]);
+  for (std::size_t i = 0; i < found.causes.size(); ++i) {
+    body += cause_part(found.causes[i], summary.causes[i], analysis.recordings);
+  }
   body +=
       gain_figure(found, analysis.baseline.model.output_unit) + paragraph(summary.gain) + paragraph(summary.next_test);
   if (summary.upper_limits.empty()) return body;

@@ -43,7 +43,8 @@ export const sessionColumns = [
 
 function verdictCell(row) {
   if (row.state === "done") return verdictMark(row.verdict);
-  return el("span", { class: `state ${row.state}`, title: row.error?.detail }, row.state);
+  // Of a valve "rejected" would be a verdict; it is the files that were refused.
+  return el("span", { class: `state ${row.state}`, title: row.error?.detail }, row.state === "rejected" ? "files refused" : row.state);
 }
 
 export async function showList({ parameters, signal }) {

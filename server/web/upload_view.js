@@ -181,6 +181,8 @@ function outcome(submission) {
 export async function showUpload({ signal }) {
   const defaults = Object.fromEntries(LABELS.map((name) => [name, el("input", { spellcheck: "false", autocomplete: "off" })]));
   const condition = options(el("select"), CONDITIONS, "");
+  const columns = el("input", { spellcheck: "false", autocomplete: "off", size: "44", placeholder: "time=t_s,input=coil_mA,output=outlet_bar" });
+  const rate = el("input", { type: "number", min: "0", step: "any", placeholder: "as the times say" });
   // Rows are boxes of their own, so that what is out of sight is neither laid out nor drawn: hundreds change at a time. A
   // table that is shown so has to say by roles that it is one.
   const body = el("tbody", { role: "rowgroup" });
@@ -201,7 +203,7 @@ export async function showUpload({ signal }) {
     row.fixed(true);
     try {
       row.say("sending");
-      const submission = group.failed ?? await send(group, { ...row.labels(), condition: condition.value }, (share) => row.progress(0.5 * share), signal);
+      const submission = group.failed ?? await send(group, { ...row.labels(), condition: condition.value, columns: columns.value.trim(), sample_rate_hz: rate.value }, (share) => row.progress(0.5 * share), signal);
       row.fill(submission);
       if (group.failed) submission.job_id = (await post(`/v1/submissions/${submission.id}/reanalyze`)).id;
       row.say("queued");
@@ -284,6 +286,11 @@ export async function showUpload({ signal }) {
     el("fieldset", { class: "filters" }, el("legend", {}, "For files that do not say so themselves"),
       field("Default serial", defaults.serial), field("Default lot", defaults.lot), field("Default valve type", defaults.valve_type),
       field("Default stand", defaults.stand), field("Condition", condition)),
+    el("details", {}, el("summary", {}, "Other columns than time_s, current_A and pressure_psi"),
+      el("fieldset", { class: "filters" }, el("legend", {}, "What the columns are called, for all files"),
+        field("Columns", columns), field("Sample rate in Hz, where no column is a time", rate)),
+      el("p", { class: "small" }, "A unit that ends a name (_mA, _bar, _kPa, _ms) is converted. ",
+        "Side channels that may matter are added as side=temperature_C,supply_psi.")),
     list, el("p", {}, start), total);
   return { node, title: "Upload" };
 }

@@ -114,7 +114,7 @@ function candidateTable(candidates) {
     { title: "Probability", value: (c) => c.probability, show: (c) => (c.status === "tested" ? percent(c.probability) : "–"), number: true },
     { title: "Status", value: (c) => words[c.status] },
     { title: "Why", value: (c) => c.reason },
-  ], candidates, { caption: "Candidates" }));
+  ], candidates, { caption: "Candidates, each as the whole explanation: a cause's own probability adds up all it stands in" }));
 }
 
 function findingTable(findings) {
@@ -139,10 +139,10 @@ function transferTable(transfer, unit) {
 }
 
 function nextTestPart(test, sentence, name) {
-  if (!test) return null;
+  if (!sentence) return null;
   const file = `${name}-next-test.csv`;
   return el("p", { class: "next" }, sentence, " ",
-    test.input_csv ? el("button", { type: "button", onclick: () => save(file, new Blob([test.input_csv], { type: "text/csv" })) }, "Download its current") : null);
+    test?.input_csv ? el("button", { type: "button", onclick: () => save(file, new Blob([test.input_csv], { type: "text/csv" })) }, "Download its current") : null);
 }
 
 function discrepancyPart(analysis, summary, name) {
@@ -241,6 +241,9 @@ function recordingsPart(submission, analysis, parameters, signal) {
     node: section("Recordings",
       el("fieldset", { class: "choices" }, el("legend", {}, "Recording"),
         submission.recordings.map((recording, i) => el("label", {}, choices[i], " ", recording.name))),
+      analysis?.baseline.kind === "reference"
+        ? el("p", { class: "small" }, "Simulated is a good valve with the parameters of this one, as far as good valves differ. The errors of the steps above are against the mean good valve instead.")
+        : null,
       holder),
     shown: () => chosen && draw(chosen, range),
   };

@@ -21,7 +21,7 @@ struct AnalysisDocument {
   std::string result_sha256;
 };
 
-/// The document of CONTRACT section 3: schemas/analysis.schema.json. `result_sha256` is computed here.
+/// The document of schemas/analysis.schema.json. `result_sha256` is computed here.
 ///
 /// Recordings stand in the order of the analysis. A figure that is not finite is null.
 Json to_json(const Analysis& analysis, const AnalysisMaking& making);

@@ -7,7 +7,7 @@
 
 namespace valvetriage {
 
-/// `discrepancy` of an analysis (CONTRACT section 3, schemas/analysis.schema.json). A figure that is not finite is
+/// `discrepancy` of an analysis (schemas/analysis.schema.json). A figure that is not finite is
 /// null.
 Json to_json(const Discrepancy& discrepancy);
 

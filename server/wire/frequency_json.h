@@ -7,7 +7,7 @@
 
 namespace valvetriage {
 
-/// One entry of an analysis's `frequency_response` (CONTRACT section 3).
+/// One entry of an analysis's `frequency_response`.
 ///
 /// recordings  of the analysis: an entry names its own by their sha256
 Json to_json(const FrequencyResult& result, std::span<const RecordingSummary> recordings);

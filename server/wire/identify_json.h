@@ -6,7 +6,7 @@
 
 namespace valvetriage {
 
-/// The result of `identify --json` (CONTRACT section 2, schemas/identify.schema.json), then what `simulate --model` and
+/// The result of `identify --json` (schemas/identify.schema.json), then what `simulate --model` and
 /// a reader need beyond it: units, operating point, static gain, coefficients with standard errors, step figures,
 /// notes.
 Json to_json(const Identification& identification);

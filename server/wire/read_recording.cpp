@@ -114,7 +114,7 @@ auto with_file(const std::string& path, const ReadOptions& options, const Read& 
   if (file.descriptor() < 0 || ::fstat(file.descriptor(), &status) != 0) {
     return cannot_read(named.name, std::strerror(errno));
   }
-  if (S_ISDIR(status.st_mode)) return cannot_read(named.name, "it is a folder");
+  if (S_ISDIR(status.st_mode)) return cannot_read(named.name, "it is a folder; name the files in it");
   DescriptorSource source(file.descriptor());
   // Opened anew under the descriptor's own name: what was opened once is what is read.
   return read({source, S_ISREG(status.st_mode) ? fmt::format("/proc/self/fd/{}", file.descriptor()) : ""}, named);

@@ -34,7 +34,7 @@ RecordingFormat format_of(std::string_view first_bytes);
 
 /// Reads, converts and prepares one recording: expand, tell the format, parse, merge metadata, prepare.
 ///
-/// Errors  all of CONTRACT section 1 with file, line, column, found and expected, and `cannot_read`,
+/// Errors  all that a recording can be refused for, with file, line, column, found and expected, and `cannot_read`,
 ///         `malformed_encoding`, `contradicting_metadata`, `mat_not_allowed`
 /// Cost    linear in the bytes; reentrant
 Result<ReadRecording> read_recording(ByteSource& source, const ReadOptions& options);

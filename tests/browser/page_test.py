@@ -281,6 +281,19 @@ class Page(unittest.TestCase):
                                   + recording("x", "y").split("# test: step\n")[1])
         self.assertEqual((stored["serial"], stored["stand"], stored["lot"], stored["condition"]), ("EFC-RULE", "stand-3", "by-rule", "returned"))
 
+    def test_a_file_of_other_column_names_is_uploaded_by_saying_which_is_which(self):
+        server = self.own_server()
+        other = self.folder / "other.csv"
+        other.write_text(recording("EFC-OTHER", "2026-W45").replace("time_s,current_A,pressure_psi", "t_s,coil_A,outlet_psi"))
+        self.browser.open(f"{server.url}/#/upload")
+        self.browser.wait_for_text("Drop recordings here")
+        self.browser.run("document.querySelector('input[placeholder^=\"time=\"]').value = ' time=t_s,input=coil_A,output=outlet_psi '")
+        self.browser.set_files("#choose-files", [other])
+        self.browser.wait_for_text("Upload 1 valve")
+        self.browser.run("document.querySelector('button.primary').click()")
+        self.browser.wait_for_text("1 of 1 valve has ended.")
+        self.assertIn("● Good EFC-OTHER", self.browser.text())
+
     def test_mat_files_are_grouped_by_the_labels_inside_them_and_end_like_any_other(self):
         csv = recording("x", "y")
         files = {"one.mat": mat_file(csv, serial="EFC-M1", lot="2026-W44"), "two.mat": mat_file(csv, packed=True, serial="EFC-M2", lot="2026-W44", stand="s3"),

@@ -279,6 +279,14 @@ TEST_F(Cli, PlansTheCurrentOfEveryTestAndRefusesAPressureOutsideTheMap) {
   EXPECT_NE(outside.err.find("900"), std::string::npos);
 }
 
+TEST_F(Cli, PlansOverAllOfALearnedMapWhereNoLevelIsSaid) {
+  for (const char* kind : {"step", "staircase", "triangle"}) {
+    const Outcome outcome = test::valvetriage({"plan", "--test", kind, "--reference", reference()});
+    ASSERT_EQ(outcome.status, 0) << outcome.err;
+    EXPECT_GT(std::count(outcome.out.begin(), outcome.out.end(), '\n'), 1000) << kind;
+  }
+}
+
 TEST_F(Cli, ExportsAModelThatFitsItsSchema) {
   const std::string reference_text = text_of(reference());
   const std::string model = write("mean.json", dump_json(parse_json(reference_text).value()["model"]));

@@ -48,10 +48,6 @@ std::string causes_to_json(const std::vector<CauseSummary>& causes) {
   return dump_json(list);
 }
 
-std::string state_text(JobState state) {
-  return std::string(to_text(state));
-}
-
 JobState read_state(Query& query) {
   const std::string text = query.text();
   const auto state = job_state_from(text);

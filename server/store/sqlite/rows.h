@@ -35,7 +35,6 @@ std::string errors_to_json(const std::vector<LevelError>& errors);
 std::string features_to_json(const std::map<std::string, double>& features);
 std::string causes_to_json(const std::vector<CauseSummary>& causes);
 
-std::string state_text(JobState state);
 JobState read_state(Query& query);
 
 }  // namespace valvetriage::sqlite

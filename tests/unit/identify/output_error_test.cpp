@@ -31,7 +31,7 @@ TEST(OutputError, FindsThePlantExactlyWithoutNoise) {
   EXPECT_NEAR(fit->coefficients.a[1], second_order_valve().a[1], 1e-6);
 }
 
-// White noise on the output: the case of paper-notes. ARX assumes white noise on the equation instead.
+// White noise on the output: ARX assumes white noise on the equation instead.
 TEST(OutputError, IsConsistentWhereArxIsBiased) {
   const auto recording = noisy_valve(4000, 3.5, 2);
   const Recording* const all[] = {&recording};

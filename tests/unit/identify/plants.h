@@ -76,8 +76,7 @@ inline Recording recording_of(std::vector<double> u, std::vector<double> y, doub
   return r;
 }
 
-/// A second-order valve sampled at 200 Hz: 2.5 Hz, damping 0.7, static gain 470 psi/A (paper-notes, the row on Eqs 7 to
-/// 15).
+/// A second-order valve sampled at 200 Hz: 2.5 Hz, damping 0.7, static gain 470 psi/A.
 inline Plant second_order_valve() {
   const double period = 1.0 / 200;
   const double omega = 2 * std::numbers::pi * 2.5;

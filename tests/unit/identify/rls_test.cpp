@@ -104,7 +104,7 @@ TEST(Rls, FindsThePlantExactlyWithoutNoiseInEveryForm) {
   }
 }
 
-// paper-notes: 0.35 psi of white noise on a 94 psi step (0.2 A × 470 psi/A) at 200 Hz; published simulations gave 16
+// 0.35 psi of white noise on a 94 psi step (0.2 A × 470 psi/A) at 200 Hz; published simulations gave 16
 // and 42.
 TEST(Rls, IncrementalFormIsBadlyBiasedByNoiseAndTheOthersLessSo) {
   std::vector<double> u(2400, 1.4);

@@ -78,6 +78,7 @@ TEST(ParseCsv, SaysWhatIsNoTextAndWhere) {
   EXPECT_NE(message("# serial: S1\r# lot: L\rtime_s,current_A\r0,1\r").find("lines end in LF or CRLF"),
             std::string::npos);
   EXPECT_NE(message(head + "0,1," + std::string(1, '\0') + "\n").find("has a control character"), std::string::npos);
+  EXPECT_NE(message(std::string("PK\x03\x04\x14\0\x06\0", 8)).find("save the sheet as CSV"), std::string::npos);
 }
 
 TEST(ParseCsv, ToleratesQuotesBlanksBlankLinesPlusSignsAndAMissingLastNewline) {

@@ -56,6 +56,27 @@ TEST(Sentence, OfAValveThatIsNotGoodDoesNotSayThatNothingIsWrong) {
   EXPECT_NE(sentence.find("The verdict Malfunctioned rests on the steps"), std::string::npos) << sentence;
 }
 
+TEST(Sentence, OfACauseInAGoodValveSaysWhyTheVerdictStands) {
+  Analysis analysis = with(Conclusion::kNamed, {sticking()});
+  analysis.classification.verdict = "Severe";
+  EXPECT_EQ(summarise(analysis).discrepancy.find("stands beside it"), std::string::npos);
+  for (const Conclusion conclusion : {Conclusion::kNamed, Conclusion::kAmbiguous, Conclusion::kUnexplained}) {
+    analysis.discrepancy->conclusion = conclusion;
+    analysis.classification.verdict = "Good";
+    const std::string sentence = summarise(analysis).discrepancy;
+    EXPECT_NE(sentence.find("The verdict Good stands beside it"), std::string::npos) << sentence;
+  }
+}
+
+TEST(Sentence, OfAnAmbiguousResultSaysWhatToTestNextOrThatNoTestWouldSettleIt) {
+  Analysis analysis = with(Conclusion::kAmbiguous, {sticking()});
+  EXPECT_EQ(summarise(analysis).next_test, "No test that is known here is expected to settle it.");
+  analysis.discrepancy->next_test = NextTest{.test = "triangle in 3 s", .expected_probability = 0.8};
+  EXPECT_EQ(summarise(analysis).next_test,
+            "Next test: triangle in 3 s. It is expected to settle the cause with a probability of 80 %.");
+  EXPECT_EQ(summarise(with(Conclusion::kNamed, {sticking()})).next_test, "");
+}
+
 TEST(Sentence, LeavesOutWhereALoopHappenedToBegin) {
   NamedCause loop{.cause = "hysteresis", .family = "memory", .origin = "valve", .probability = 0.99};
   for (const char* name : {"width_A", "memory"}) {
@@ -108,6 +129,10 @@ TEST(Sentence, OfAnUnexplainedResultSaysThatItIsNotKnown) {
   const Summary summary = summarise(with(Conclusion::kUnexplained));
   EXPECT_NE(summary.discrepancy.find("It is not known what"), std::string::npos);
   EXPECT_EQ(summary.fault + summary.gain, "");
+  EXPECT_EQ(summary.discrepancy.find("What comes closest"), std::string::npos);
+  const std::string with_a_cause = summarise(with(Conclusion::kUnexplained, {sticking()})).discrepancy;
+  EXPECT_NE(with_a_cause.find("What comes closest is listed, and is not the answer."), std::string::npos)
+      << with_a_cause;
 }
 
 TEST(Sentence, OfAFaultThatTheFitTakesUpSaysWhichParameterIsOdd) {
