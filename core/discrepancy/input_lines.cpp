@@ -10,7 +10,6 @@
 #include <limits>
 #include <numbers>
 #include <optional>
-#include <utility>
 
 #include "core/discrepancy/tones.h"
 
@@ -26,8 +25,8 @@ constexpr std::size_t kMostLines = 3;
 constexpr double kInInput = 18.4;
 // A line, not a wander: this many times what stands two or three resolved frequencies beside it.
 constexpr double kOverNeighbours = 4;
-// That the output does not follow it: what the squared error at rest loses without it, in noise variances. The line
-// itself is certain, so no search is paid for: χ² of two freedoms at 1e-2.
+// That the output does not follow it: what the squared error of a recording loses without it, in noise variances. The
+// line itself is certain, so no search is paid for: χ² of two freedoms at 1e-2.
 constexpr double kInResidual = 9.2;
 // A jump of the input ends a straight stretch: this many of the median step.
 constexpr double kJump = 12;
@@ -122,7 +121,7 @@ bool stands_in(const Recording& recording, double frequency_hz) {
 struct InputLine {
   double frequency_hz = 0;
   std::vector<Eigen::Vector2d> amplitude;
-  double evidence = 0;  ///< what the squared error at rest loses without it, in noise variances: χ² of two freedoms
+  double evidence = 0;  ///< what the squared error of a recording loses without it, in noise variances: χ² of two
 
   Recording taken_off(Recording recording, std::size_t r) const {
     const double rad = 2 * std::numbers::pi * frequency_hz * recording.sample_period_s;
@@ -199,10 +198,35 @@ Stack only(const Stack& all, std::size_t recording) {
   return one;
 }
 
-/// What is to be taken off the input: at rest the input's own line, as much of it and as much turned as the output does
-/// not follow, one and the same everywhere; in the other recordings at most as much, its phase the residual's. Of a
-/// ripple that the valve cannot follow that is all of the line; where dither moves the pressure, which folds back into
-/// its log as well, another share. Empty where the output follows it as the simulation does.
+/// How much of a line the output does not follow, and what the squared error loses without it [noise variances]: by
+/// least squares beside what the valve's own parameters make of it, for the fit has gone along with the line.
+struct Share {
+  Eigen::Vector2d of_line = Eigen::Vector2d::Zero();  ///< of the line itself, and of it a quarter of a period later
+  double evidence = 0;
+};
+
+Share share_of(const LinearisedValve& fit, const Stack& straight, const Stack& quarter) {
+  const auto signatures = fit.signatures({straight, quarter});
+  const double across = fit.product(signatures[0], signatures[1]);
+  Eigen::Matrix2d products;
+  products << fit.product(signatures[0], signatures[0]), across, across, fit.product(signatures[1], signatures[1]);
+  const Eigen::Vector2d with_error(fit.against_error(signatures[0]), fit.against_error(signatures[1]));
+  Share share{.of_line = products.ldlt().solve(with_error)};
+  // A valve that sees nothing of the line leaves all of it: there is no more.
+  share.of_line /= std::max(1.0, share.of_line.norm());
+  share.evidence = 2 * share.of_line.dot(with_error) - share.of_line.dot(products * share.of_line);
+  return share;
+}
+
+/// An amplitude as much of it, and as much later, as a share says.
+Eigen::Vector2d times(const Eigen::Vector2d& amplitude, const Eigen::Vector2d& share) {
+  return {amplitude.x() * share.x() - amplitude.y() * share.y(), amplitude.y() * share.x() + amplitude.x() * share.y()};
+}
+
+/// What is to be taken off the input. At rest the input shows the line, but a valve's loops answer a small motion there
+/// as they please; where the input moves, it hides the line, but the answer is plain. So where it moves amplitude and
+/// phase are the residual's, at most as large as the line at rest, and at rest as much of it is taken off as there in
+/// the mean. Empty where the output follows the line as the simulation does.
 std::optional<InputLine> line_behind(const LinearisedValve& fit, const ValveFitOptions& options, double frequency_hz) {
   const ValveFitProblem& problem = fit.problem();
   const std::size_t recordings = problem.recordings();
@@ -219,36 +243,24 @@ std::optional<InputLine> line_behind(const LinearisedValve& fit, const ValveFitO
     squares += seen.amplitude.squaredNorm();
   }
   if (at_rest.empty()) return std::nullopt;
-  const double size = std::sqrt(squares / static_cast<double>(at_rest.size()));
-  for (const std::size_t r : moving) probe.amplitude[r].x() = size;
-
-  // Beside what the valve's own parameters make of it: a line keeps the loop awake, and the fit has gone along.
-  const auto share_of = [&](const Stack& straight, const Stack& quarter) {
-    const auto signatures = fit.signatures({straight, quarter});
-    const double across = fit.product(signatures[0], signatures[1]);
-    Eigen::Matrix2d products;
-    products << fit.product(signatures[0], signatures[0]), across, across, fit.product(signatures[1], signatures[1]);
-    const Eigen::Vector2d with_error(fit.against_error(signatures[0]), fit.against_error(signatures[1]));
-    const Eigen::Vector2d share = products.ldlt().solve(with_error);
-    return std::pair(share, share.dot(with_error));
-  };
-  const auto [share, evidence] = share_of(effect_of(fit, options, line), effect_of(fit, options, turned(line)));
-  line.evidence = evidence;
-  if (!(evidence >= kInResidual)) return std::nullopt;
-  const auto times = [](const Eigen::Vector2d& amplitude, const Eigen::Vector2d& by) {
-    return Eigen::Vector2d(amplitude.x() * by.x() - amplitude.y() * by.y(),
-                           amplitude.y() * by.x() + amplitude.x() * by.y());
-  };
-  for (const std::size_t r : at_rest) line.amplitude[r] = times(line.amplitude[r], share);
-  if (moving.empty()) return line;
-
-  const Stack straight = effect_of(fit, options, probe), quarter = effect_of(fit, options, turned(probe));
-  for (const std::size_t r : moving) {
-    const Eigen::Vector2d own = share_of(only(straight, r), only(quarter, r)).first;
-    // What moves the input is not all known to the simulation.
-    const double most = share.norm() / std::max(share.norm(), own.norm());
-    line.amplitude[r] = times(probe.amplitude[r], own * most);
+  Eigen::Vector2d everywhere(0, 0);
+  if (moving.empty()) {
+    const Share share = share_of(fit, effect_of(fit, options, line), effect_of(fit, options, turned(line)));
+    line.evidence = share.evidence;
+    everywhere = share.of_line;
+  } else {
+    for (const std::size_t r : moving)
+      probe.amplitude[r].x() = std::sqrt(squares / static_cast<double>(at_rest.size()));
+    const Stack straight = effect_of(fit, options, probe), quarter = effect_of(fit, options, turned(probe));
+    for (const std::size_t r : moving) {
+      const Share share = share_of(fit, only(straight, r), only(quarter, r));
+      line.amplitude[r] = times(probe.amplitude[r], share.of_line);
+      line.evidence += share.evidence / static_cast<double>(moving.size());
+      everywhere.x() += share.of_line.norm() / static_cast<double>(moving.size());
+    }
   }
+  if (!(line.evidence >= kInResidual)) return std::nullopt;
+  for (const std::size_t r : at_rest) line.amplitude[r] = times(line.amplitude[r], everywhere);
   return line;
 }
 

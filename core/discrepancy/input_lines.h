@@ -17,10 +17,9 @@ struct CleanInputs {
 /// appears in the log at an alias of its frequency, the simulation follows that alias, and the valve does not.
 ///
 /// A line is looked for where the residual has one and where the input at rest has one. It is taken off where the input
-/// has it in at least two recordings (one, where there is only one) at the 1e-4 level and the simulation errs less at
-/// rest without it. Where the input rests, amplitude and phase are the input's; where it moves, the amplitude is at
-/// most that, the phase the residual's. A line of the input that the valve does follow leaves nothing in the residual
-/// and stays.
+/// has it in at least two recordings (one, where there is only one) at the 1e-4 level and the simulation errs less
+/// without it. How much of it the output does not follow is told where the input moves, for there no loop hides it: all
+/// of a ripple, nothing of a line that the valve follows, which stays.
 ///
 /// fit      of the recordings as logged
 /// Source   aliasing: any text on sampling; the test is the F test of a sine and a cosine beside piecewise straight
