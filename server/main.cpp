@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <exception>
 
 #include "server/commands/commands.h"
 
@@ -37,6 +38,9 @@ int main(int argc, char** argv) {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? kDone : kBadInput;
+  } catch (const std::exception& error) {
+    print_error({.code = "internal", .message = error.what()});
+    return kFailure;
   }
   return exit_status;
 }

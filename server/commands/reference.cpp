@@ -45,12 +45,18 @@ bool is_recording_name(const fs::path& file) {
   return std::any_of(std::begin(kEndings), std::end(kEndings), [&](auto ending) { return name.ends_with(ending); });
 }
 
+/// A linked folder is not walked into: it may lie above.
+bool is_folder_inside(const fs::path& entry) {
+  std::error_code unreadable;
+  return fs::is_directory(entry, unreadable) && !fs::is_symlink(entry, unreadable);
+}
+
 /// A folder of recordings is one valve, a folder of folders several.
 void add_folder(const fs::path& folder, std::vector<ValveFiles>& valves) {
   ValveFiles valve{.name = folder.filename().string(), .files = {}};
   std::vector<fs::path> folders;
   for (const fs::path& entry : entries_of(folder)) {
-    if (fs::is_directory(entry)) {
+    if (is_folder_inside(entry)) {
       folders.push_back(entry);
     } else if (is_recording_name(entry)) {
       valve.files.push_back(entry.string());
@@ -99,7 +105,8 @@ Result<std::vector<ValveRecordings>> read_valves(const std::vector<std::string>&
   std::vector<std::string> plain_files;
   std::vector<ValveFiles> folders;
   for (const std::string& path : paths) {
-    if (fs::is_directory(path)) {
+    std::error_code unreadable;  // a file then, whose reading says why
+    if (fs::is_directory(path, unreadable)) {
       add_folder(path, folders);
     } else {
       plain_files.push_back(path);

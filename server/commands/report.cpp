@@ -31,7 +31,8 @@ struct ReportArguments {
 };
 
 bool is_id(const std::string& text) {
-  return (text.starts_with("sub_") || text.starts_with("rec_")) && !std::filesystem::exists(text);
+  std::error_code unreadable;
+  return (text.starts_with("sub_") || text.starts_with("rec_")) && !std::filesystem::exists(text, unreadable);
 }
 
 /// Route of the report on the server; nothing where files are to be analysed here.

@@ -1,8 +1,11 @@
 #include "server/http/access.h"
 
+#include <arpa/inet.h>
 #include <fmt/format.h>
+#include <netinet/in.h>
 #include <sodium/randombytes.h>
 #include <sodium/utils.h>
+#include <strings.h>
 
 #include <algorithm>
 #include <array>
@@ -26,8 +29,15 @@ std::string_view host_name(std::string_view authority) {
   return authority.substr(0, authority.find(':'));
 }
 
+/// A number of 127.0.0.0/8, ::1 or localhost: "127.evil.example" is a name like any other.
 bool is_this_machine(std::string_view host) {
-  return host == "localhost" || host == "[::1]" || host == "::1" || host.starts_with("127.");
+  if (host.starts_with('[') && host.ends_with(']')) host = host.substr(1, host.size() - 2);
+  const std::string name(host);
+  if (strcasecmp(name.c_str(), "localhost") == 0) return true;
+  in_addr four{};
+  if (inet_pton(AF_INET, name.c_str(), &four) == 1) return (ntohl(four.s_addr) >> 24) == 127;
+  in6_addr six{};
+  return inet_pton(AF_INET6, name.c_str(), &six) == 1 && IN6_IS_ADDR_LOOPBACK(&six);
 }
 
 }  // namespace

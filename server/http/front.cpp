@@ -11,9 +11,11 @@
 
 #include <array>
 #include <atomic>
+#include <cerrno>
 #include <condition_variable>
 #include <deque>
 #include <mutex>
+#include <optional>
 #include <thread>
 #include <unordered_map>
 
@@ -29,6 +31,8 @@ using std::chrono::steady_clock;
 
 /// How often deadlines of waiting connections are looked at.
 constexpr int kTickMs = 250;
+/// How long no connection is taken after the machine had no descriptor or memory for one.
+constexpr std::chrono::milliseconds kOutOfDescriptorsPause{100};
 
 std::string random_id() {
   std::uint64_t bits = 0;
@@ -124,6 +128,9 @@ struct Front::State {
   }
 
   void accept_connections();
+  void pause_listening();
+  void resume_listening();
+  std::size_t connections();
   void wait_for_head(Connection connection, std::chrono::seconds patience);
   void continue_head(int descriptor);
   void take_returned();
@@ -142,6 +149,7 @@ struct Front::State {
   std::atomic<bool> stopping{false};
 
   std::unordered_map<int, Waiting> waiting;  // the watching thread's own
+  std::optional<SteadyTime> listens_again;   // likewise; set while the listener is not watched
 
   std::mutex mutex;
   std::condition_variable ready_changed;
@@ -158,7 +166,11 @@ void Front::State::accept_connections() {
     socklen_t size = sizeof address;
     const int descriptor =
         accept4(listener.descriptor(), reinterpret_cast<sockaddr*>(&address), &size, SOCK_NONBLOCK | SOCK_CLOEXEC);
-    if (descriptor < 0) return;
+    if (descriptor < 0) {
+      // Level-triggered: what cannot be taken now would ring at once again.
+      if (errno == EMFILE || errno == ENFILE || errno == ENOBUFS || errno == ENOMEM) pause_listening();
+      return;
+    }
     std::array<char, INET6_ADDRSTRLEN> text{};
     if (address.ss_family == AF_INET) {
       inet_ntop(AF_INET, &reinterpret_cast<sockaddr_in*>(&address)->sin_addr, text.data(), text.size());
@@ -168,8 +180,25 @@ void Front::State::accept_connections() {
     const int on = 1;  // answers go out at once: Nagle's algorithm costs a factor of 50 on small ones
     if (address.ss_family != AF_UNIX) setsockopt(descriptor, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
     Connection connection(descriptor, text[0] ? std::string(text.data()) : "unix");
-    if (waiting.size() < kMaxConnections) wait_for_head(std::move(connection), kHeadDeadline);
+    if (connections() < kMaxConnections) wait_for_head(std::move(connection), kHeadDeadline);
   }
+}
+
+/// Those that wait, that are served, and that stand between the two.
+std::size_t Front::State::connections() {
+  const std::lock_guard lock(mutex);
+  return waiting.size() + ready.size() + in_work + returned.size();
+}
+
+void Front::State::pause_listening() {
+  forget(listener.descriptor());
+  listens_again = steady_clock::now() + kOutOfDescriptorsPause;
+}
+
+void Front::State::resume_listening() {
+  if (!listens_again || steady_clock::now() < *listens_again) return;
+  listens_again.reset();
+  watch(listener.descriptor());
 }
 
 void Front::State::wait_for_head(Connection connection, std::chrono::seconds patience) {
@@ -333,6 +362,7 @@ void Front::run() {
       }
     }
     state.drop_overdue();
+    state.resume_listening();
   }
   state.forget(state.listener.descriptor());
   state.waiting.clear();

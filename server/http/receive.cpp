@@ -17,6 +17,8 @@ namespace {
 
 constexpr std::size_t kPieceBytes = 64 * 1024;
 constexpr std::size_t kMaxNameBytes = 200;
+// Between two looks at the disk: many uploads at once write no more than this each below what is to stay free.
+constexpr std::size_t kBytesBetweenLooks = 4 << 20;
 
 /// What the query says about every file of the request.
 Result<Metadata> metadata_options(const Request& request) {
@@ -50,11 +52,17 @@ Result<ReceivedFile> receive_file(Service& service, ByteSource& bytes, const std
   if (!writer) return tl::unexpected(writer.error());
   const auto expanded = expand(compression_of_name(sent_name), bytes, kMaxExpandedBytes);
   std::string head, piece(kPieceBytes, '\0');
+  std::size_t unlooked = kBytesBetweenLooks;
   for (;;) {
+    if (unlooked >= kBytesBetweenLooks) {
+      if (auto space = check_space(service.blobs, service.limits); !space) return tl::unexpected(space.error());
+      unlooked = 0;
+    }
     const auto n = expanded->read(piece);
     if (!n) return tl::unexpected(in_file(n.error(), sent_name));
     if (*n == 0) break;
     const std::string_view received(piece.data(), *n);
+    unlooked += *n;
     if (head.size() < kMetadataHeadBytes) head += received.substr(0, kMetadataHeadBytes - head.size());
     if (auto written = writer->write(received); !written) return tl::unexpected(in_file(written.error(), sent_name));
   }

@@ -83,7 +83,12 @@ std::unique_ptr<WorkerPool> start_workers(const ServeOptions& options, Store& st
 
 Result<void> make_folder(const std::string& path) {
   std::error_code error;
-  std::filesystem::create_directories(path, error);
+  const bool is_new = std::filesystem::create_directories(path, error);
+  // Recordings, results and token hashes are nobody else's; of a folder that was there its owner has decided.
+  using std::filesystem::perms;
+  if (is_new) {
+    std::filesystem::permissions(path, perms::owner_all | perms::group_read | perms::group_exec, error);
+  }
   if (error) return fail("cannot_make_folder", fmt::format("cannot make the folder {}: {}", path, error.message()));
   return {};
 }

@@ -32,7 +32,8 @@ struct ServeOptions {
 ///            without tokens or without --behind-proxy, `address_in_use`, `store_locked`, ...
 Result<void> serve(const ServeOptions& options, const std::function<void(const Endpoint&)>& listening);
 
-/// Makes a folder and those above it. Errors `cannot_make_folder`.
+/// Makes a folder and those above it; a new one is closed to others than its owner and group. Errors
+/// `cannot_make_folder`.
 Result<void> make_folder(const std::string& path);
 
 }  // namespace valvetriage::http

@@ -74,9 +74,15 @@ Result<void> add_folder(const fs::path& folder, std::vector<PlannedSubmission>& 
   PlannedSubmission here{.title = folder.string(), .files = {}};
   std::vector<fs::path> below;
   std::error_code error;
-  for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
-    if (entry.is_directory()) below.push_back(entry.path());
-    if (entry.is_regular_file() && looks_like_recording(entry.path())) here.files.push_back(entry.path().string());
+  fs::directory_iterator at(folder, error);
+  for (; !error && at != fs::directory_iterator(); at.increment(error)) {
+    std::error_code unreadable;
+    const fs::directory_entry& entry = *at;
+    // A linked folder is not walked into: it may lie above.
+    if (entry.is_directory(unreadable) && !entry.is_symlink(unreadable)) below.push_back(entry.path());
+    if (entry.is_regular_file(unreadable) && looks_like_recording(entry.path())) {
+      here.files.push_back(entry.path().string());
+    }
   }
   if (error) return cannot_read(folder.string());
   std::sort(here.files.begin(), here.files.end());
@@ -95,7 +101,8 @@ Result<std::vector<PlannedSubmission>> plan_submissions(const std::vector<std::s
   std::vector<PlannedSubmission> plan;
   std::map<std::pair<std::string, std::string>, std::size_t> by_valve;
   for (const std::string& argument : arguments) {
-    if (fs::is_directory(argument)) {
+    std::error_code unreadable;  // a file then, whose reading says why
+    if (fs::is_directory(argument, unreadable)) {
       const std::size_t before = plan.size();
       if (auto added = add_folder(argument, plan); !added) return tl::unexpected(added.error());
       if (plan.size() != before) continue;

@@ -32,7 +32,7 @@ NewRecording to_recording(const AcceptedFile& file) {
 
 }  // namespace
 
-Result<void> admit(Store& store, const BlobStore& blobs, const AcceptLimits& limits) {
+Result<void> check_space(const BlobStore& blobs, const AcceptLimits& limits) {
   const auto free_bytes = blobs.free_bytes();
   if (!free_bytes) return tl::unexpected(free_bytes.error());
   if (*free_bytes < limits.min_free_bytes) {
@@ -40,6 +40,11 @@ Result<void> admit(Store& store, const BlobStore& blobs, const AcceptLimits& lim
                 fmt::format("the server has {} MB of disk left and keeps {} MB free: its operator must make space",
                             *free_bytes >> 20, limits.min_free_bytes >> 20));
   }
+  return {};
+}
+
+Result<void> admit(Store& store, const BlobStore& blobs, const AcceptLimits& limits) {
+  if (auto space = check_space(blobs, limits); !space) return space;
   const auto stats = store.queue_stats();
   if (!stats) return tl::unexpected(stats.error());
   if (const std::int64_t queued = stats->jobs.at(JobState::kQueued); queued >= limits.max_queued_jobs) {

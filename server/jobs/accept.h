@@ -41,6 +41,9 @@ struct AcceptRequest {
   std::string actor = "local";
 };
 
+/// Whether the disk keeps what it is to keep free. Errors  `no_space` (507)
+Result<void> check_space(const BlobStore& blobs, const AcceptLimits& limits);
+
 /// Before a body is read: whether there is room for it. Errors  `overloaded` (answer 503 with Retry-After
 /// `retry_after_s`), `no_space` (507)
 Result<void> admit(Store& store, const BlobStore& blobs, const AcceptLimits& limits = {});

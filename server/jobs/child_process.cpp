@@ -139,10 +139,12 @@ class LineReader {
   bool take(std::string_view bytes) {
     total_ += bytes.size();
     if (total_ > bound_) return false;
+    // What was there before has no end of a line in it.
+    std::size_t from = 0, unsearched = pending_.size();
     pending_ += bytes;
-    std::size_t from = 0;
-    for (std::size_t end; (end = pending_.find('\n', from)) != std::string::npos; from = end + 1) {
+    for (std::size_t end; (end = pending_.find('\n', unsearched)) != std::string::npos;) {
       on_line_(std::string_view(pending_).substr(from, end - from));
+      from = unsearched = end + 1;
     }
     pending_.erase(0, from);
     return true;

@@ -180,13 +180,19 @@ bool WorkerPool::draining() {
 void WorkerPool::loop(int number) {
   const std::string name = fmt::format("{}-{}", pool_name_, number);
   while (!draining()) {
-    if (!run_next(name)) wait_for_work();
+    // Counted before the queue is asked: a job that comes while it is asked does not wait for the next look.
+    const std::uint64_t seen = wakes();
+    if (!run_next(name)) wait_for_work(seen);
   }
 }
 
-void WorkerPool::wait_for_work() {
+std::uint64_t WorkerPool::wakes() {
+  const std::lock_guard lock(mutex_);
+  return wakes_;
+}
+
+void WorkerPool::wait_for_work(std::uint64_t seen) {
   std::unique_lock lock(mutex_);
-  const std::uint64_t seen = wakes_;
   changed_.wait_for(lock, milliseconds(options_.poll_ms), [&] { return draining_ || wakes_ != seen; });
 }
 

@@ -52,7 +52,8 @@ class WorkerPool {
   void loop(int number);
   bool run_next(const std::string& name);
   void run(const JobRow& job);
-  void wait_for_work();
+  std::uint64_t wakes();
+  void wait_for_work(std::uint64_t seen);
   bool draining();
 
   Store& store_;

@@ -63,7 +63,8 @@ Result<BackupReport> back_up(Store& store, const BlobStore& blobs, const std::st
 }
 
 Result<BackupReport> restore(const std::string& folder, const std::string& database_file, const std::string& data_dir) {
-  if (std::filesystem::exists(database_file)) {
+  std::error_code unreadable;
+  if (std::filesystem::exists(database_file, unreadable)) {
     return fail("already_there", fmt::format("there is a database at {}: restore into an empty place", database_file));
   }
   const auto snapshot = open_sqlite_reader(folder + "/" + kBackupDatabase);

@@ -302,6 +302,18 @@ TEST_F(Cli, AFileThatCannotBeReadOrWrittenIsNamed) {
   const Outcome nowhere = test::valvetriage({"plan", "-o", file("no/such/folder.csv")});
   EXPECT_EQ(nowhere.status, 1) << "the call was right, the machine could not";
   EXPECT_NE(nowhere.err.find("folder.csv"), std::string::npos);
+  const std::string no_name(300, 'x');
+  for (const char* verb : {"analyze", "report"}) EXPECT_EQ(test::valvetriage({verb, no_name}).status, 2) << verb;
+  EXPECT_EQ(test::valvetriage({"reference", "learn", no_name, "-o", file("none.json")}).status, 2);
+}
+
+TEST_F(Cli, AFolderThatIsLinkedInsideItselfIsLearnedFromAllTheSame) {
+  const std::filesystem::path good = file("linked");
+  std::filesystem::copy(file("good"), good, std::filesystem::copy_options::recursive);
+  std::filesystem::create_directory_symlink(good, good / "up");
+  const Outcome outcome =
+      test::valvetriage({"reference", "learn", good.string(), "--valve-type", "type-1", "-o", file("linked.json")});
+  EXPECT_EQ(outcome.status, 0) << outcome.err;
 }
 
 TEST_F(Cli, AWrongDocumentIsNamedWithWhatIsWrong) {

@@ -1,4 +1,11 @@
+#include <arpa/inet.h>
 #include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <thread>
 
 #include "server/http/limits.h"
 #include "server/http/routes.h"
@@ -133,8 +140,42 @@ TEST(HttpFront, KeepsPagesOfOtherSitesAway) {
   EXPECT_EQ(post({{"Origin", "null"}}), 403);
   EXPECT_EQ(post({{"Sec-Fetch-Site", "cross-site"}}), 403);
   EXPECT_EQ(post({{"Origin", "http://localhost"}}), 202);
-  const std::string rebound = "GET /v1/lots HTTP/1.1\r\nHost: evil.example\r\nConnection: close\r\n\r\n";
-  EXPECT_EQ(send_raw(server.port(), rebound).status, 403);
+}
+
+TEST(HttpFront, AnswersToTheNamesOfThisMachineOnlySoThatNoOtherNameCanBeReboundToIt) {
+  TestServer server({});
+  const auto lots_of = [&](const std::string& host) {
+    return send_raw(server.port(), "GET /v1/lots HTTP/1.1\r\nHost: " + host + "\r\nConnection: close\r\n\r\n").status;
+  };
+  for (const char* other : {"evil.example", "127.evil.example", "127.0.0.1.evil.example", "128.0.0.1", "127.1", "[::2]",
+                            "localhost.evil.example"}) {
+    EXPECT_EQ(lots_of(other), 403) << other;
+  }
+  for (const char* own : {"localhost", "LocalHost:8080", "127.0.0.1", "127.3.2.1:80", "[::1]", "[::1]:8080"}) {
+    EXPECT_EQ(lots_of(own), 200) << own;
+  }
+}
+
+TEST(HttpFront, TakesConnectionsAgainOnceTheMachineHasDescriptorsForThem) {
+  TestServer server({});
+  const int client = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  sockaddr_in address{.sin_family = AF_INET,
+                      .sin_port = htons(static_cast<std::uint16_t>(server.port())),
+                      .sin_addr = {htonl(INADDR_LOOPBACK)},
+                      .sin_zero = {}};
+  rlimit before{};
+  ASSERT_EQ(getrlimit(RLIMIT_NOFILE, &before), 0);
+  const rlimit none{3, before.rlim_max};
+  ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &none), 0);
+  ASSERT_EQ(connect(client, reinterpret_cast<sockaddr*>(&address), sizeof address), 0);  // by the kernel, not yet taken
+  const std::string bytes = std::string(kGet) + "\r\n";
+  ASSERT_EQ(send(client, bytes.data(), bytes.size(), 0), static_cast<ssize_t>(bytes.size()));
+  std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &before), 0);
+  std::string answer(12, '\0');
+  EXPECT_EQ(recv(client, answer.data(), answer.size(), MSG_WAITALL), static_cast<ssize_t>(answer.size()));
+  EXPECT_EQ(answer, "HTTP/1.1 200");
+  close(client);
 }
 
 TEST(HttpFront, ShowsThePageUnderAStrictPolicy) {

@@ -108,10 +108,15 @@ Result<std::vector<AnalysisRow>> analyses_of(Connection& connection, std::string
 }
 
 Result<AnalysisRow> newest_analysis(Connection& connection, std::string_view submission_id) {
-  auto rows = analyses_of(connection, submission_id);
-  if (!rows) return tl::unexpected(rows.error());
-  if (rows->empty()) return fail("not_found", fmt::format("there is no analysis of '{}' yet", submission_id));
-  return std::move(rows->front());
+  static const std::string sql = fmt::format(
+      "SELECT {} FROM analyses a JOIN submissions s ON s.seq = a.submission_seq WHERE s.seq = ? ORDER BY a.seq DESC "
+      "LIMIT 1",
+      kAnalysisColumns);
+  const auto seq = submission_seq(connection, submission_id);
+  if (!seq) return tl::unexpected(seq.error());
+  Query query = connection.query(sql, *seq);
+  if (!query.next()) return fail("not_found", fmt::format("there is no analysis of '{}' yet", submission_id));
+  return read_analysis(query);
 }
 
 Result<std::string> analysis_body_zstd(Connection& connection, std::string_view analysis_id) {
@@ -290,11 +295,13 @@ Result<std::vector<std::string>> check(Connection& connection) {
       "SELECT j.id FROM jobs j LEFT JOIN analyses a ON a.job_id = j.id WHERE (j.state = 'done') <> (a.id IS NOT NULL)",
       "a job and its result disagree", damages);
   collect(connection,
-          "SELECT state FROM job_counts c WHERE jobs <> (SELECT count(*) FROM jobs j WHERE j.state = c.state)",
+          "SELECT state FROM (SELECT state FROM job_counts UNION SELECT state FROM jobs) s WHERE "
+          "(SELECT count(*) FROM jobs j WHERE j.state = s.state) <> "
+          "coalesce((SELECT jobs FROM job_counts c WHERE c.state = s.state), 0)",
           "jobs are miscounted", damages);
   collect(connection,
           "SELECT lot FROM lots l WHERE (SELECT count(*) FROM lot_valves v WHERE v.lot = l.lot) <> "
-          "(SELECT sum(valves) FROM lot_counts c WHERE c.lot = l.lot)",
+          "coalesce((SELECT sum(valves) FROM lot_counts c WHERE c.lot = l.lot), 0)",
           "a lot's valves are miscounted", damages);
   collect(connection,
           "SELECT s.id FROM submissions s WHERE "
@@ -311,11 +318,16 @@ Result<void> backup(Connection& connection, const std::string& file) {
   const std::unique_ptr<sqlite3, int (*)(sqlite3*)> owner(target, sqlite3_close);
   if (code != SQLITE_OK) throw SqliteError(code, fmt::format("cannot write {}: {}", file, sqlite3_errstr(code)));
   // All pages in one step: one snapshot of the log, that no writer can disturb and that disturbs no writer.
-  if (sqlite3_backup* copy = sqlite3_backup_init(target, "main", connection.handle(), "main")) {
-    sqlite3_backup_step(copy, -1);
-    sqlite3_backup_finish(copy);
+  sqlite3_backup* copy = sqlite3_backup_init(target, "main", connection.handle(), "main");
+  if (!copy)
+    throw SqliteError(sqlite3_extended_errcode(target),
+                      fmt::format("cannot write {}: {}", file, sqlite3_errmsg(target)));
+  const int stepped = sqlite3_backup_step(copy, -1);
+  code = sqlite3_backup_finish(copy);
+  // A database that is busy or locked is no error of the backup's own: not done is not written.
+  if (code == SQLITE_OK && stepped != SQLITE_DONE) {
+    throw SqliteError(stepped, fmt::format("cannot write {}: {}", file, sqlite3_errstr(stepped)));
   }
-  code = sqlite3_extended_errcode(target);
   // Without a log beside it the copy is one file, readable from anywhere.
   if (code == SQLITE_OK) code = sqlite3_exec(target, "PRAGMA journal_mode = DELETE", nullptr, nullptr, nullptr);
   if (code != SQLITE_OK) throw SqliteError(code, fmt::format("cannot write {}: {}", file, sqlite3_errmsg(target)));

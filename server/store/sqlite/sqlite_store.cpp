@@ -212,7 +212,9 @@ class SqliteStore final : public Store {
     return readers_.run([](Connection& c) { return sqlite::check(c); });
   }
   Result<void> backup(const std::string& file) override {
-    if (std::filesystem::exists(file)) return fail("already_there", fmt::format("{} is there already", file));
+    std::error_code unreadable;
+    if (std::filesystem::exists(file, unreadable))
+      return fail("already_there", fmt::format("{} is there already", file));
     return readers_.run([&](Connection& c) { return sqlite::backup(c, file); });
   }
 
@@ -259,7 +261,8 @@ Result<std::unique_ptr<Store>> open_sqlite_store(const std::string& database_fil
 
 Result<std::unique_ptr<Store>> open_sqlite_reader(const std::string& database_file, const SqliteOptions& options) {
   return guarded(database_file, [&]() -> Result<std::unique_ptr<Store>> {
-    if (!std::filesystem::exists(database_file)) {
+    std::error_code unreadable;
+    if (!std::filesystem::exists(database_file, unreadable)) {
       return fail("not_found", fmt::format("there is no database {}", database_file));
     }
     Connection first(database_file, sqlite::Access::kRead);

@@ -37,6 +37,18 @@ TEST_F(SubmitPlan, MakesOneSubmissionOfEveryFolderThatHoldsRecordings) {
   EXPECT_EQ(sizes(*plan), (std::vector<std::size_t>{2, 1}));
 }
 
+TEST_F(SubmitPlan, WalksIntoNoLinkedFolderSoThatALinkUpwardsIsNoCircle) {
+  write("lot/valve-1/a.csv", "");
+  std::filesystem::create_directory_symlink(folder_.file("lot"), folder_.file("lot/valve-1/up"));
+  const auto plan = plan_submissions({folder_.file("lot")}, {});
+  ASSERT_TRUE(plan) << plan.error().message;
+  EXPECT_EQ(sizes(*plan), std::vector<std::size_t>{1});
+}
+
+TEST_F(SubmitPlan, ANameThatNoFileCanHaveIsAFileThatCannotBeRead) {
+  EXPECT_FALSE(plan_submissions({std::string(300, 'x')}, {}));
+}
+
 TEST_F(SubmitPlan, GroupsFilesByLotAndSerialOfTheirHeads) {
   const auto plan =
       plan_submissions({write("1.csv", "# serial: A\n# lot: x\n"), write("2.csv", "# serial: B\n# lot: x\n"),

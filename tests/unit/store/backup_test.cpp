@@ -3,11 +3,13 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <fstream>
 #include <thread>
 
 #include "server/jobs/accept.h"
+#include "server/store/sqlite/connection.h"
 #include "server/store/sqlite/sqlite_store.h"
 #include "tests/contract/store_samples.h"
 #include "tests/contract/temporary_folder.h"
@@ -34,6 +36,18 @@ class Backup : public testing::Test {
   std::unique_ptr<Store> store_ = std::move(*open_sqlite_store(folder_.file("db")));
   std::unique_ptr<BlobStore> blobs_ = std::move(*BlobStore::open(folder_.file("data")));
 };
+
+TEST_F(Backup, ACountThatIsLostIsFoundAsAWrongOneIs) {
+  upload("one");
+  for (const auto& [lost, damage] : {std::pair("DELETE FROM job_counts", "jobs are miscounted"),
+                                     {"DELETE FROM lot_counts", "a lot's valves are miscounted"}}) {
+    store_.reset();
+    sqlite::Connection(folder_.file("db"), sqlite::Access::kWrite).run(lost);
+    store_ = std::move(*open_sqlite_store(folder_.file("db")));
+    const auto damages = *store_->check();
+    EXPECT_TRUE(std::ranges::any_of(damages, [&](const auto& said) { return said.starts_with(damage); })) << damage;
+  }
+}
 
 TEST_F(Backup, TakenUnderLoadRestoresToASoundWhole) {
   std::vector<std::string> before;
