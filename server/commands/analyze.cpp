@@ -95,9 +95,10 @@ void append_discrepancy(const Analysis& analysis, const std::string& unit, std::
       page += fmt::format("    {} {}\n", name, words.empty() ? estimate_text(estimate) : words);
     }
   }
-  if (discrepancy.causes.empty()) return;
-  page += fmt::format("  held out ({}): rmse {:.4g} {} becomes {:.4g} {}\n", discrepancy.gain.heldout,
-                      discrepancy.gain.rmse_baseline, unit, discrepancy.gain.rmse_extended, unit);
+  if (!discrepancy.causes.empty()) {
+    page += fmt::format("  held out ({}): rmse {:.4g} {} becomes {:.4g} {}\n", discrepancy.gain.heldout,
+                        discrepancy.gain.rmse_baseline, unit, discrepancy.gain.rmse_extended, unit);
+  }
   for (const std::string& sentence : {summary.fault, summary.next_test}) {
     if (!sentence.empty()) page += fmt::format("  {}\n", sentence);
   }

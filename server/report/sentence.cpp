@@ -122,14 +122,6 @@ std::string nothing_left(const std::optional<std::string>& verdict) {
       *verdict);
 }
 
-/// A cause beside a verdict that knows of none.
-std::string beside_good_steps(const std::optional<std::string>& verdict) {
-  if (verdict != "Good") return {};
-  return " The verdict Good stands beside it: the steps that it rests on are as near to those of the mean good valve "
-         "as "
-         "a good valve's.";
-}
-
 /// What is listed with a conclusion that names nothing.
 std::string no_answer(const Discrepancy& discrepancy) {
   if (discrepancy.causes.empty()) return {};
@@ -148,26 +140,23 @@ std::string discrepancy_sentence(const Discrepancy& discrepancy, const std::opti
     case Conclusion::kNone:
       return nothing_left(verdict);
     case Conclusion::kNamed:
-      return fmt::format("The simulation is wrong because it lacks {}.", fmt::join(names, " and ")) +
-             beside_good_steps(verdict);
+      return fmt::format("The simulation is wrong because it lacks {}.", fmt::join(names, " and "));
     case Conclusion::kAmbiguous:
       return "Something is wrong, but these recordings do not settle what: " +
-             std::string(rivals ? "more than one cause explains them." : "no cause stands out clearly enough.") +
-             beside_good_steps(verdict);
+             std::string(rivals ? "more than one cause explains them." : "no cause stands out clearly enough.");
     case Conclusion::kUnexplained:
       if (const Finding* slip = discrepancy.slip()) {
         return fmt::format("These recordings allow no cause to be named: {}.", slip->what);
       }
       if (const Finding* own = discrepancy.taken_up()) {
         return fmt::format(
-                   "Something is wrong that the simulation follows only with parameters that no good valve "
-                   "has: {}. It is not known what makes them so; do not read a cause into this result.",
-                   own->what) +
-               beside_good_steps(verdict);
+            "Something is wrong that the simulation follows only with parameters that no good valve has: {}. It is not "
+            "known what makes them so; do not read a cause into this result.",
+            own->what);
       }
       return "Something is wrong that no known cause explains. It is not known what; do not read a cause into this "
              "result." +
-             no_answer(discrepancy) + beside_good_steps(verdict);
+             no_answer(discrepancy);
   }
   return {};
 }
@@ -197,6 +186,13 @@ std::string fault_sentence(const Discrepancy& discrepancy) {
   if (origins == std::set<std::string>{"stand"}) return "It is the stand's fault, not the valve's.";
   if (origins.contains("either")) return "It can be the valve's fault or the stand's.";
   return origins.empty() ? "" : "Partly it is the valve's fault, partly the stand's.";
+}
+
+/// A cause beside a verdict that knows of none.
+std::string beside_good_steps(const Discrepancy& discrepancy, const std::optional<std::string>& verdict) {
+  if (verdict != "Good" || discrepancy.conclusion == Conclusion::kNone || discrepancy.slip()) return {};
+  return "The verdict Good stands beside it: the steps that it rests on are as near to those of the mean good valve as "
+         "a good valve's.";
 }
 
 std::string gain_sentence(const Discrepancy& discrepancy, const std::string& unit) {
@@ -301,6 +297,8 @@ Summary summarise(const Analysis& analysis) {
   for (const NamedCause& cause : discrepancy.causes)
     summary.causes.push_back(cause_sentence(cause, analysis.recordings));
   summary.fault = fault_sentence(discrepancy);
+  const std::string beside = beside_good_steps(discrepancy, analysis.classification.verdict);
+  if (!beside.empty()) summary.fault += (summary.fault.empty() ? "" : " ") + beside;
   summary.gain = gain_sentence(discrepancy, analysis.baseline.model.output_unit);
   summary.upper_limits = upper_limits(discrepancy);
   summary.next_test = next_test_sentence(discrepancy);

@@ -13,8 +13,8 @@ struct Summary {
   std::string verdict;              ///< verdict or why there is none, and what to do with the valve
   std::string discrepancy;          ///< what the simulation gets wrong, or that it is not known
   std::vector<std::string> causes;  ///< one sentence for each cause in the extended model
-  std::string fault;                ///< whose fault it is, or would be; empty where no cause is told
-  std::string gain;                 ///< what the causes gain on data they were not fitted to; empty without causes
+  std::string fault;  ///< whose fault it is, or would be, and why a verdict Good stands beside it; may be empty
+  std::string gain;   ///< what the causes gain on data they were not fitted to; empty without causes
   std::vector<std::string> upper_limits;  ///< what the recordings exclude
   std::string next_test;  ///< what would settle what is open, or that no test would; empty where nothing is open
 };

@@ -59,11 +59,11 @@ TEST(Sentence, OfAValveThatIsNotGoodDoesNotSayThatNothingIsWrong) {
 TEST(Sentence, OfACauseInAGoodValveSaysWhyTheVerdictStands) {
   Analysis analysis = with(Conclusion::kNamed, {sticking()});
   analysis.classification.verdict = "Severe";
-  EXPECT_EQ(summarise(analysis).discrepancy.find("stands beside it"), std::string::npos);
+  EXPECT_EQ(summarise(analysis).fault, "It is the valve's fault.");
   for (const Conclusion conclusion : {Conclusion::kNamed, Conclusion::kAmbiguous, Conclusion::kUnexplained}) {
     analysis.discrepancy->conclusion = conclusion;
     analysis.classification.verdict = "Good";
-    const std::string sentence = summarise(analysis).discrepancy;
+    const std::string sentence = summarise(analysis).fault;
     EXPECT_NE(sentence.find("The verdict Good stands beside it"), std::string::npos) << sentence;
   }
 }
