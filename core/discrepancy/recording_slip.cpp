@@ -38,10 +38,11 @@ struct Compared {
 };
 Compared compare(const VectorXd& any, const VectorXd& good, const VectorXd& weights) {
   const double total = weights.sum();
-  const auto centred = [&](const VectorXd& x) -> VectorXd { return x.array() - weights.dot(x) / total; };
-  const VectorXd one = centred(any), other = centred(good);
-  const double of_both = weights.dot(one.cwiseProduct(other));
-  const double of_any = weights.dot(one.cwiseAbs2()), of_good = weights.dot(other.cwiseAbs2());
+  const Eigen::ArrayXd w = weights.array();
+  const Eigen::ArrayXd one = any.array() - (w * any.array()).sum() / total;
+  const Eigen::ArrayXd other = good.array() - (w * good.array()).sum() / total;
+  const double of_both = (w * one * other).sum();
+  const double of_any = (w * one.square()).sum(), of_good = (w * other.square()).sum();
   if (!(of_good > 0) || !(of_any > 0)) return {};
   return {of_both / of_good, of_both / std::sqrt(of_good * of_any)};
 }
