@@ -294,15 +294,22 @@ Result<std::vector<std::string>> check(Connection& connection) {
       connection,
       "SELECT j.id FROM jobs j LEFT JOIN analyses a ON a.job_id = j.id WHERE (j.state = 'done') <> (a.id IS NOT NULL)",
       "a job and its result disagree", damages);
+  // Rows of one side that the other lacks, so that a count that is gone is found as a wrong one is.
   collect(connection,
-          "SELECT state FROM (SELECT state FROM job_counts UNION SELECT state FROM jobs) s WHERE "
-          "(SELECT count(*) FROM jobs j WHERE j.state = s.state) <> "
-          "coalesce((SELECT jobs FROM job_counts c WHERE c.state = s.state), 0)",
+          "WITH counted AS (SELECT state, count(*) AS jobs FROM jobs GROUP BY state), "
+          "kept AS (SELECT state, jobs FROM job_counts WHERE jobs <> 0) "
+          "SELECT state FROM (SELECT * FROM counted EXCEPT SELECT * FROM kept) UNION "
+          "SELECT state FROM (SELECT * FROM kept EXCEPT SELECT * FROM counted)",
           "jobs are miscounted", damages);
   collect(connection,
-          "SELECT lot FROM lots l WHERE (SELECT count(*) FROM lot_valves v WHERE v.lot = l.lot) <> "
-          "coalesce((SELECT sum(valves) FROM lot_counts c WHERE c.lot = l.lot), 0)",
+          "WITH counted AS (SELECT lot, result_seq IS NOT NULL AS analysed, verdict, count(*) AS valves "
+          "FROM lot_valves GROUP BY 1, 2, 3), "
+          "kept AS (SELECT lot, analysed, verdict, valves FROM lot_counts WHERE valves <> 0) "
+          "SELECT lot FROM (SELECT * FROM counted EXCEPT SELECT * FROM kept) UNION "
+          "SELECT lot FROM (SELECT * FROM kept EXCEPT SELECT * FROM counted)",
           "a lot's valves are miscounted", damages);
+  collect(connection, "SELECT DISTINCT lot FROM lot_valves WHERE lot NOT IN (SELECT lot FROM lots)",
+          "a lot has valves and no row of its own", damages);
   collect(connection,
           "SELECT s.id FROM submissions s WHERE "
           "(SELECT count(DISTINCT value ->> 0) FROM json_each(s.causes)) <> "

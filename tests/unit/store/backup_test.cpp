@@ -39,8 +39,12 @@ class Backup : public testing::Test {
 
 TEST_F(Backup, ACountThatIsLostIsFoundAsAWrongOneIs) {
   upload("one");
-  for (const auto& [lost, damage] : {std::pair("DELETE FROM job_counts", "jobs are miscounted"),
-                                     {"DELETE FROM lot_counts", "a lot's valves are miscounted"}}) {
+  for (const auto& [lost, damage] :
+       {std::pair("DELETE FROM job_counts", "jobs are miscounted"),
+        {"DELETE FROM lot_counts", "a lot's valves are miscounted"},
+        {"INSERT INTO lot_counts VALUES ('lot-a', 1, 'Good', 1)", "a lot's valves are miscounted"},
+        {"UPDATE lot_counts SET analysed = 0, verdict = 'Good'", "a lot's valves are miscounted"},
+        {"DELETE FROM lots", "a lot has valves and no row of its own"}}) {
     store_.reset();
     sqlite::Connection(folder_.file("db"), sqlite::Access::kWrite).run(lost);
     store_ = std::move(*open_sqlite_store(folder_.file("db")));
