@@ -5,8 +5,6 @@
 namespace valvetriage::sqlite {
 namespace {
 
-constexpr int kBusyTimeoutMs = 5'000;
-
 // trusted_schema and cell_size_check: a damaged or forged file is an error, not a crash. journal_size_limit gives the
 // disk back after a burst. Readers never checkpoint: two connections that write the log and reset it at the same
 // instant lose committed pages in SQLite 3.7.0 to 3.51.2.

@@ -91,6 +91,9 @@ class Query {
 
 enum class Access { kWrite, kRead };
 
+/// How long a statement waits for the lock of another process.
+inline constexpr int kBusyTimeoutMs = 5'000;
+
 /// One connection with its settings and its prepared statements. One thread at a time.
 class Connection {
  public:

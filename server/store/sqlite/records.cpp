@@ -324,6 +324,7 @@ Result<void> backup(Connection& connection, const std::string& file) {
   int code = sqlite3_open_v2(file.c_str(), &target, flags, nullptr);
   const std::unique_ptr<sqlite3, int (*)(sqlite3*)> owner(target, sqlite3_close);
   if (code != SQLITE_OK) throw SqliteError(code, fmt::format("cannot write {}: {}", file, sqlite3_errstr(code)));
+  sqlite3_busy_timeout(target, kBusyTimeoutMs);
   // All pages in one step: one snapshot of the log, that no writer can disturb and that disturbs no writer.
   sqlite3_backup* copy = sqlite3_backup_init(target, "main", connection.handle(), "main");
   if (!copy)

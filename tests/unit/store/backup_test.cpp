@@ -10,6 +10,7 @@
 
 #include "server/jobs/accept.h"
 #include "server/store/sqlite/connection.h"
+#include "server/store/sqlite/operations.h"
 #include "server/store/sqlite/sqlite_store.h"
 #include "tests/contract/store_samples.h"
 #include "tests/contract/temporary_folder.h"
@@ -74,6 +75,20 @@ TEST_F(Backup, TakenUnderLoadRestoresToASoundWhole) {
   const auto blobs = std::move(*BlobStore::open(folder_.file("restored")));
   EXPECT_EQ(*check_everything(*store, *blobs), std::vector<std::string>{});
   for (const std::string& id : before) EXPECT_EQ(blobs->verify(store->recording(id)->sha256).has_value(), true);
+}
+
+TEST_F(Backup, WaitsForAFileThatIsLockedForAMoment) {
+  upload("bytes");
+  const std::string target = folder_.file("copy");
+  sqlite::Connection other(target, sqlite::Access::kWrite);
+  other.script("PRAGMA journal_mode = DELETE; BEGIN EXCLUSIVE");
+  std::thread lets_go([&] {
+    ::usleep(50'000);
+    other.script("ROLLBACK");
+  });
+  sqlite::Connection source(folder_.file("db"), sqlite::Access::kRead);
+  EXPECT_NO_THROW(EXPECT_TRUE(sqlite::backup(source, target)));
+  lets_go.join();
 }
 
 TEST_F(Backup, RefusesToOverwriteABackupOrADatabase) {
