@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <sys/stat.h>
+
 #include <cstdio>
 #include <memory>
 
@@ -20,6 +22,7 @@ struct ServeArguments {
 };
 
 Result<void> run(const ServeArguments& arguments) {
+  ::umask(0027);  // what others sent is not for everyone on this machine
   http::ServeOptions options = arguments.options;
   const auto database_file = arguments.data.database_file();
   if (!database_file) return tl::unexpected(database_file.error());

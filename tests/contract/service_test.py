@@ -118,6 +118,14 @@ class Service(unittest.TestCase):
         self.assertEqual([item["id"] for item in self.service.get("/v1/recordings?serial=LOSSY-1")["items"]], [sent["id"]])
 
 
+class Files(unittest.TestCase):
+    def test_a_service_that_starts_in_a_folder_that_is_there_keeps_its_files_from_others(self):
+        with RunningService(BINARY, before=lambda service: service.data.mkdir()) as service:
+            made = [*service.data.rglob("*")]
+            self.assertTrue(made)
+            self.assertEqual([str(path) for path in made if path.stat().st_mode & 0o007], [])
+
+
 class Tokens(unittest.TestCase):
     def setUp(self):
         def first_token(service):

@@ -1,6 +1,8 @@
 #include "server/store/sqlite/connection.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <unistd.h>
 
 namespace valvetriage::sqlite {
 namespace {
@@ -95,7 +97,14 @@ void Query::bind(Blob value) {
   check(sqlite3_bind_blob64(statement_, ++parameter_, value.bytes.data(), value.bytes.size(), SQLITE_TRANSIENT));
 }
 
+void make_closed_to_others(const std::string& file) {
+  // Never one that is there: closing it would let go of every lock this process has on it.
+  const int made = ::open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0640);
+  if (made >= 0) ::close(made);
+}
+
 Connection::Connection(const std::string& file, Access access) {
+  if (access == Access::kWrite) make_closed_to_others(file);
   const int flags = (access == Access::kWrite ? SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE : SQLITE_OPEN_READONLY) |
                     SQLITE_OPEN_NOMUTEX | SQLITE_OPEN_EXRESCODE;
   try {

@@ -94,10 +94,14 @@ enum class Access { kWrite, kRead };
 /// How long a statement waits for the lock of another process.
 inline constexpr int kBusyTimeoutMs = 5'000;
 
+/// Makes a database file that is not there yet, empty and closed to others than its owner and group: it will hold what
+/// tokens are known by. What SQLite puts beside it has the same mode. A failure is left to whoever opens the file.
+void make_closed_to_others(const std::string& file);
+
 /// One connection with its settings and its prepared statements. One thread at a time.
 class Connection {
  public:
-  /// Opens the file; kWrite makes it where it is missing. Throws SqliteError.
+  /// Opens the file; kWrite makes it where it is missing, closed to others. Throws SqliteError.
   Connection(const std::string& file, Access access);
   ~Connection();
   Connection(const Connection&) = delete;

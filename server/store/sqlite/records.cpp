@@ -319,6 +319,7 @@ Result<std::vector<std::string>> check(Connection& connection) {
 }
 
 Result<void> backup(Connection& connection, const std::string& file) {
+  make_closed_to_others(file);
   sqlite3* target = nullptr;
   const int flags = SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_EXRESCODE;
   int code = sqlite3_open_v2(file.c_str(), &target, flags, nullptr);

@@ -1,6 +1,7 @@
 #include "server/store/backup.h"
 
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -89,6 +90,19 @@ TEST_F(Backup, WaitsForAFileThatIsLockedForAMoment) {
   sqlite::Connection source(folder_.file("db"), sqlite::Access::kRead);
   EXPECT_NO_THROW(EXPECT_TRUE(sqlite::backup(source, target)));
   lets_go.join();
+}
+
+TEST_F(Backup, IsAsTheDatabaseOpenToItsOwnerAndGroupOnlyWhateverTheMaskOfTheProcess) {
+  const mode_t before = ::umask(0);
+  const auto store = open_sqlite_store(folder_.file("own"));
+  const auto made = (*store)->backup(folder_.file("copy"));
+  ::umask(before);
+  ASSERT_TRUE(made) << made.error().message;
+  for (const char* name : {"own", "own-wal", "own-shm", "own.lock", "copy"}) {
+    struct stat status {};
+    ASSERT_EQ(::stat(folder_.file(name).c_str(), &status), 0) << name;
+    EXPECT_EQ(status.st_mode & 0777, 0640u) << name;
+  }
 }
 
 TEST_F(Backup, RefusesToOverwriteABackupOrADatabase) {
