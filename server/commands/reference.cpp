@@ -32,8 +32,9 @@ struct ValveFiles {
 std::vector<fs::path> entries_of(const fs::path& folder) {
   std::vector<fs::path> entries;
   std::error_code unreadable;
-  for (const auto& entry : fs::directory_iterator(folder, unreadable)) {
-    if (!entry.path().filename().string().starts_with('.')) entries.push_back(entry.path());
+  fs::directory_iterator at(folder, unreadable);
+  for (; !unreadable && at != fs::directory_iterator(); at.increment(unreadable)) {
+    if (!at->path().filename().string().starts_with('.')) entries.push_back(at->path());
   }
   std::sort(entries.begin(), entries.end());
   return entries;

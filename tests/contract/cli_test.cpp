@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
@@ -314,6 +315,15 @@ TEST_F(Cli, AFolderThatIsLinkedInsideItselfIsLearnedFromAllTheSame) {
   const Outcome outcome =
       test::valvetriage({"reference", "learn", good.string(), "--valve-type", "type-1", "-o", file("linked.json")});
   EXPECT_EQ(outcome.status, 0) << outcome.err;
+}
+
+TEST_F(Cli, WhatNobodyForesawIsAFailureWithAMessageAndNoAbort) {
+  ::setenv("TMPDIR", file("no/such/folder").c_str(), 1);
+  const Outcome outcome =
+      test::valvetriage({"report", recordings("valve").front(), "--pdf", "-o", file("nowhere.pdf")});
+  ::unsetenv("TMPDIR");
+  EXPECT_EQ(outcome.status, 1);
+  EXPECT_NE(outcome.err, "");
 }
 
 TEST_F(Cli, AWrongDocumentIsNamedWithWhatIsWrong) {
