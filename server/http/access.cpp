@@ -23,10 +23,11 @@ bool contains(const std::vector<std::string>& scopes, std::string_view scope) {
   return std::find(scopes.begin(), scopes.end(), scope) != scopes.end();
 }
 
-/// Host without its port.
+/// Host without its port: more than one colon outside of brackets is an IPv6 address alone.
 std::string_view host_name(std::string_view authority) {
   if (authority.starts_with('[')) return authority.substr(0, std::min(authority.find(']'), authority.size() - 1) + 1);
-  return authority.substr(0, authority.find(':'));
+  const auto colon = authority.find(':');
+  return authority.rfind(':') == colon ? authority.substr(0, colon) : authority;
 }
 
 /// A number of 127.0.0.0/8, ::1 or localhost: "127.evil.example" is a name like any other.

@@ -2,14 +2,32 @@
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 #include <sys/socket.h>
+#include <sys/syscall.h>
 #include <unistd.h>
 
+#include <atomic>
+#include <cerrno>
 #include <chrono>
 #include <thread>
+#include <utility>
+#include <vector>
 
 #include "server/http/limits.h"
 #include "server/http/routes.h"
 #include "tests/contract/http_fixture.h"
+
+namespace {
+std::atomic<bool> out_of_descriptors = false;
+std::atomic<int> refused_accepts = 0;
+}  // namespace
+
+/// In front of the system's, so that a test can count how often the server asks for what it cannot have.
+extern "C" int accept4(int listener, sockaddr* address, socklen_t* size, int flags) {
+  if (!out_of_descriptors) return static_cast<int>(syscall(SYS_accept4, listener, address, size, flags));
+  ++refused_accepts;
+  errno = EMFILE;
+  return -1;
+}
 
 namespace valvetriage {
 namespace {
@@ -151,31 +169,104 @@ TEST(HttpFront, AnswersToTheNamesOfThisMachineOnlySoThatNoOtherNameCanBeReboundT
                             "localhost.evil.example"}) {
     EXPECT_EQ(lots_of(other), 403) << other;
   }
-  for (const char* own : {"localhost", "LocalHost:8080", "127.0.0.1", "127.3.2.1:80", "[::1]", "[::1]:8080"}) {
+  for (const char* own : {"localhost", "LocalHost:8080", "127.0.0.1", "127.3.2.1:80", "[::1]", "[::1]:8080", "::1"}) {
     EXPECT_EQ(lots_of(own), 200) << own;
   }
 }
 
+/// A connection of a test's own, held open.
+class Client {
+ public:
+  explicit Client(const TestServer& server) { address_.sin_port = htons(static_cast<std::uint16_t>(server.port())); }
+  Client(Client&& other) noexcept : descriptor_(std::exchange(other.descriptor_, -1)), address_(other.address_) {}
+  Client& operator=(Client&&) = delete;
+  ~Client() {
+    if (descriptor_ >= 0) close(descriptor_);
+  }
+
+  /// By the kernel: the server need not have taken it.
+  bool connects() const {
+    return connect(descriptor_, reinterpret_cast<const sockaddr*>(&address_), sizeof address_) == 0;
+  }
+  void says(const std::string& bytes) const {
+    EXPECT_EQ(send(descriptor_, bytes.data(), bytes.size(), MSG_NOSIGNAL), static_cast<ssize_t>(bytes.size()));
+  }
+  /// The first bytes of the answer, fewer where the server closes.
+  std::string hears(std::size_t bytes) const {
+    std::string answer(bytes, '\0');
+    const ssize_t got = recv(descriptor_, answer.data(), answer.size(), MSG_WAITALL);
+    answer.resize(got > 0 ? static_cast<std::size_t>(got) : 0);
+    return answer;
+  }
+  void hears_a_head() const {
+    std::string head;
+    while (!head.ends_with("\r\n\r\n")) {
+      const std::string byte = hears(1);
+      ASSERT_NE(byte, "");
+      head += byte;
+    }
+  }
+
+ private:
+  int descriptor_ = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  sockaddr_in address_{.sin_family = AF_INET, .sin_port = 0, .sin_addr = {htonl(INADDR_LOOPBACK)}, .sin_zero = {}};
+};
+
 TEST(HttpFront, TakesConnectionsAgainOnceTheMachineHasDescriptorsForThem) {
   TestServer server({});
-  const int client = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-  sockaddr_in address{.sin_family = AF_INET,
-                      .sin_port = htons(static_cast<std::uint16_t>(server.port())),
-                      .sin_addr = {htonl(INADDR_LOOPBACK)},
-                      .sin_zero = {}};
+  const Client client(server);
   rlimit before{};
   ASSERT_EQ(getrlimit(RLIMIT_NOFILE, &before), 0);
   const rlimit none{3, before.rlim_max};
   ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &none), 0);
-  ASSERT_EQ(connect(client, reinterpret_cast<sockaddr*>(&address), sizeof address), 0);  // by the kernel, not yet taken
-  const std::string bytes = std::string(kGet) + "\r\n";
-  ASSERT_EQ(send(client, bytes.data(), bytes.size(), 0), static_cast<ssize_t>(bytes.size()));
+  ASSERT_TRUE(client.connects());
+  client.says(std::string(kGet) + "\r\n");
   std::this_thread::sleep_for(std::chrono::milliseconds(20));
   ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &before), 0);
-  std::string answer(12, '\0');
-  EXPECT_EQ(recv(client, answer.data(), answer.size(), MSG_WAITALL), static_cast<ssize_t>(answer.size()));
-  EXPECT_EQ(answer, "HTTP/1.1 200");
-  close(client);
+  EXPECT_EQ(client.hears(12), "HTTP/1.1 200");
+}
+
+TEST(HttpFront, DoesNotAskAgainAndAgainForAConnectionItHasNoDescriptorFor) {
+  TestServer server({});
+  const Client served(server), late(server);
+  ASSERT_TRUE(served.connects());
+  const auto ask = [&] {
+    served.says("HEAD /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n");
+    served.hears_a_head();
+  };
+  ask();
+  refused_accepts = 0;
+  out_of_descriptors = true;
+  ASSERT_TRUE(late.connects());
+  late.says(std::string(kGet) + "\r\n");
+  constexpr int kRequests = 500;  // each at least two rounds of the loop that also watches the listener
+  for (int i = 0; i < kRequests; ++i) ask();
+  out_of_descriptors = false;
+  EXPECT_LT(refused_accepts, kRequests);
+  EXPECT_EQ(late.hears(12), "HTTP/1.1 200");
+}
+
+TEST(HttpFront, CountsTheConnectionsItServesAmongThoseItMayHold) {
+  rlimit before{};
+  ASSERT_EQ(getrlimit(RLIMIT_NOFILE, &before), 0);
+  const rlimit enough{before.rlim_max, before.rlim_max};
+  ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &enough), 0);
+  {
+    TestServer server({});
+    const Client served(server);
+    ASSERT_TRUE(served.connects());
+    served.says("GET /v1/events?after=0&wait_s=30 HTTP/1.1\r\nHost: localhost\r\n\r\n");
+    while (server.service().event_waiters == 0) std::this_thread::yield();
+    std::vector<Client> idle;
+    for (std::size_t i = 1; i < http::kMaxConnections; ++i) {
+      idle.emplace_back(server);
+      ASSERT_TRUE(idle.back().connects());
+    }
+    const Client one_too_many(server);
+    ASSERT_TRUE(one_too_many.connects());
+    EXPECT_EQ(one_too_many.hears(12), "");
+  }
+  ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &before), 0);
 }
 
 TEST(HttpFront, ShowsThePageUnderAStrictPolicy) {
