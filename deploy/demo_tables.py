@@ -1,4 +1,4 @@
-"""Tables of deploy/demo: features of labelled valves, the window of a reference, verdicts beside the truth."""
+"""Tables of deploy/demo: features of labelled valves, verdicts beside the truth."""
 import csv
 import json
 import os
@@ -32,11 +32,6 @@ def features(labels_csv, analyses):
     out.writerows(rows)
 
 
-def window(reference_json):
-    window_of_eq20 = load(reference_json)["window"]
-    print(window_of_eq20["rate_hz"], window_of_eq20["duration_s"])
-
-
 def verdicts(submissions_json, truth_json):
     truth = {unit["session"]["serial"]: unit for unit in load(truth_json)}
     results = {row["serial"]: row for row in load(submissions_json)["items"]}
@@ -50,4 +45,4 @@ def verdicts(submissions_json, truth_json):
 
 
 if __name__ == "__main__":
-    {"features": features, "window": window, "verdicts": verdicts}[sys.argv[1]](*sys.argv[2:])
+    {"features": features, "verdicts": verdicts}[sys.argv[1]](*sys.argv[2:])

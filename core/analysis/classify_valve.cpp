@@ -36,7 +36,9 @@ std::optional<ClassificationResult> obstacle(const VerdictInputs& inputs, const 
   }
   if (inputs.baseline != BaselineKind::kReference) {
     return none(NoVerdict::kSelfBaseline,
-                "the valve was compared with itself; a verdict needs a reference learned from good valves", "engineer");
+                "the valve was compared with a model of its own recordings; a verdict needs a reference learned from "
+                "good valves",
+                "engineer");
   }
   if (!inputs.not_comparable.empty()) return none(NoVerdict::kLevelMissing, inputs.not_comparable, "retest");
   if (!rule_base) {

@@ -202,12 +202,33 @@ bool is_a_stop(const MachineData& data, double level) {
   return std::min(above, below) <= kPassedBy * samples;
 }
 
+/// Least and greatest reading [scaled units].
+std::array<double, 2> range_of_readings(const MachineData& data) {
+  std::array<double, 2> range{INFINITY, -INFINITY};
+  for (const MachineRecord& record : data.records) {
+    for (const std::size_t t : record.valid) {
+      range = {std::min(range[0], record.output[t]), std::max(range[1], record.output[t])};
+    }
+  }
+  return range;
+}
+
+/// A level that readings stand at, by an estimate whose error may know of no bound: it lies among the readings.
+void add_level(Writer& writer, const std::string& name, double level, double error, const MachineData& data,
+               const std::string& unit) {
+  const auto [least, greatest] = range_of_readings(data);
+  const auto in_unit = [&](double scaled) { return scaled * data.output_scale + data.output_mean; };
+  writer.add_value(name, in_unit(level), std::min(error, greatest - least) * data.output_scale, unit);
+  ParameterEstimate& added = writer.estimates.back().second;
+  added.ci95[0] = std::max(added.ci95[0], std::min(added.value, in_unit(least)));
+  added.ci95[1] = std::min(added.ci95[1], std::max(added.value, in_unit(greatest)));
+}
+
 void add_levels(Writer& writer, const MachineData& data, const MachineFit& fit, const std::string& unit) {
   for (std::size_t b = 0; b < fit.machine.blocks.size(); ++b) {
     const MachineBlock& block = fit.machine.blocks[b];
     if (block.law == MachineLaw::kTanks) {
-      writer.add_value("level_psi", block.parameters[8] * data.output_scale + data.output_mean,
-                       writer.error_of(b, 8) * data.output_scale, unit);
+      add_level(writer, "level_psi", block.parameters[8], writer.error_of(b, 8), data, unit);
     }
     if (block.law != MachineLaw::kUpperLimit && block.law != MachineLaw::kLowerLimit) continue;
     if (!is_reached(data, fit, b)) continue;
@@ -216,8 +237,8 @@ void add_levels(Writer& writer, const MachineData& data, const MachineFit& fit, 
     const double factor = (at_reading(data, fit, b + 1, block.parameters[0] + step) - level) / step;
     if (!is_a_stop(data, level)) continue;
     const bool upper = (block.law == MachineLaw::kUpperLimit) == (factor > 0);
-    writer.add_value(upper ? "level_psi" : "lower_level_psi", level * data.output_scale + data.output_mean,
-                     std::abs(factor) * writer.error_of(b, 0) * data.output_scale, unit);
+    add_level(writer, upper ? "level_psi" : "lower_level_psi", level, std::abs(factor) * writer.error_of(b, 0), data,
+              unit);
   }
 }
 

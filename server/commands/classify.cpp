@@ -1,6 +1,8 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <memory>
+#include <string_view>
 
 #include "core/classify/check.h"
 #include "core/classify/compare.h"
@@ -42,9 +44,12 @@ Json comparison_json(const Comparison& comparison) {
   return {{"features", comparison.features}, {"classifiers", classifiers}, {"notes", comparison.notes}};
 }
 
-void print_json(const RuleBase& base, const std::vector<Classification>& rows,
+void print_json(const RuleBase& base, const FeatureTable& table, const std::vector<Classification>& rows,
                 const std::optional<Comparison>& comparison) {
   Json document{{"rule_base", rule_base_identity(base)}, {"rows", list_to_json(rows, to_json)}};
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    if (!table.rows[i].serial.empty()) document["rows"][i]["serial"] = table.rows[i].serial;
+  }
   if (comparison) document["comparison"] = comparison_json(*comparison);
   fmt::print("{}\n", dump_json(document, true));
 }
@@ -64,8 +69,17 @@ std::string memberships_text(const Memberships& memberships) {
   return fmt::format("{:6.3f} {:6.3f} {:6.3f}", memberships[0], memberships[1], memberships[2]);
 }
 
+/// As wide as the longest serial of the table, 0 where it names none.
+std::size_t width_of_serials(const FeatureTable& table) {
+  std::size_t width = 0;
+  for (const FeatureRow& row : table.rows) width = std::max(width, row.serial.size());
+  return width == 0 ? 0 : std::max(width, std::string_view("serial").size()) + 2;
+}
+
 void print_rows(const FeatureTable& table, const std::vector<Classification>& rows) {
-  fmt::print("{:>6}  {:<14} {:>6} {:>6} {:>6}  levels\n", "line", "verdict", "good", "malf", "severe");
+  const std::size_t width = width_of_serials(table);
+  fmt::print("{:>6}  {:<{}}{:<14} {:>6} {:>6} {:>6}  levels\n", "line", width > 0 ? "serial" : "", width, "verdict",
+             "good", "malf", "severe");
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const Classification& row = rows[i];
     std::string levels;
@@ -75,8 +89,8 @@ void print_rows(const FeatureTable& table, const std::vector<Classification>& ro
     }
     for (const auto& missing : row.missing_levels)
       levels += fmt::format("{}{} missing", levels.empty() ? "" : ", ", missing);
-    fmt::print("{:>6}  {:<14} {}  {}\n", table.rows[i].line, row.verdict ? to_string(*row.verdict) : "none",
-               memberships_text(row.memberships), levels);
+    fmt::print("{:>6}  {:<{}}{:<14} {}  {}\n", table.rows[i].line, table.rows[i].serial, width,
+               row.verdict ? to_string(*row.verdict) : "none", memberships_text(row.memberships), levels);
   }
 }
 
@@ -118,7 +132,7 @@ Result<void> classify_table(const ClassifyArguments& arguments) {
     comparison = std::move(*compared);
   }
   if (arguments.json) {
-    print_json(*base, *rows, comparison);
+    print_json(*base, *table, *rows, comparison);
     return {};
   }
   print_report(*base, *table, *rows);

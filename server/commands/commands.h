@@ -21,6 +21,7 @@ enum ExitStatus : int { kDone = 0, kFailure = 1, kBadInput = 2, kVerdictNotGood 
   X(classify) \
   X(export) \
   X(identify) \
+  X(learning_child) \
   X(migrate) \
   X(paper) \
   X(plan) \

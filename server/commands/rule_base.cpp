@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <memory>
+#include <optional>
+#include <utility>
 
 #include "server/commands/commands.h"
 #include "server/commands/documents.h"
@@ -18,11 +20,23 @@ struct LearnArguments {
   double rate_hz = 0;
   double duration_s = 0;
   std::string unit = "psi";
+  std::string reference;
 };
+
+/// The window that the errors of a table stand for; none where nobody says.
+Result<std::optional<FeatureWindow>> window_of(const LearnArguments& arguments) {
+  if (arguments.rate_hz > 0) return FeatureWindow{arguments.rate_hz, arguments.duration_s, arguments.unit};
+  if (arguments.reference.empty()) return std::nullopt;
+  return open_reference(arguments.reference).map([&](const Reference& reference) -> std::optional<FeatureWindow> {
+    return FeatureWindow{reference.window.rate_hz, reference.window.duration_s, "psi"};
+  });
+}
 
 Result<LearnedRuleBase> learn(const LearnArguments& arguments) {
   LearnOptions options{.name = arguments.name};
-  if (arguments.rate_hz > 0) options.window = FeatureWindow{arguments.rate_hz, arguments.duration_s, arguments.unit};
+  auto window = window_of(arguments);
+  if (!window) return tl::unexpected(window.error());
+  options.window = std::move(*window);
   return open_feature_table(arguments.table).and_then([&](const FeatureTable& table) {
     return labelled_valves(table)
         .and_then([&](const std::vector<LabelledValve>& valves) { return learn_rule_base(valves, options); })
@@ -69,10 +83,14 @@ void add_rule_base_command(CLI::App& app, int& exit_status) {
   verb->add_option("--name", arguments->name, "Name of the rule base")->capture_default_str();
   CLI::Option* rate = verb->add_option("--rate-hz", arguments->rate_hz, "Sample rate the errors were computed at")
                           ->check(CLI::PositiveNumber);
-  CLI::Option* duration =
-      verb->add_option("--duration-s", arguments->duration_s, "FeatureWindow the errors were computed on")
-          ->check(CLI::PositiveNumber);
+  CLI::Option* duration = verb->add_option("--duration-s", arguments->duration_s,
+                                           "Seconds from each step on that the errors were computed on")
+                              ->check(CLI::PositiveNumber);
   CLI::Option* unit = verb->add_option("--unit", arguments->unit, "Unit of the output")->capture_default_str();
+  verb->add_option("--reference", arguments->reference,
+                   "Reference whose rate and duration the errors were computed at: what analyze takes with it")
+      ->excludes(rate)
+      ->excludes(duration);
   rate->needs(duration);
   duration->needs(rate);
   unit->needs(rate);

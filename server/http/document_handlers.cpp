@@ -2,20 +2,18 @@
 
 #include <charconv>
 
-#include "core/analysis/learn_reference.h"
 #include "server/http/handlers.h"
 #include "server/http/limits.h"
 #include "server/http/receive.h"
 #include "server/http/stored_recording.h"
 #include "server/http/views.h"
+#include "server/jobs/learning_child.h"
 #include "server/wire/json_fields.h"
 #include "server/wire/reference_json.h"
 #include "server/wire/rule_base_json.h"
 
 namespace valvetriage::http {
 namespace {
-
-constexpr std::size_t kMaxReferenceSubmissions = 1000;
 
 Result<Response> list_documents(Service& service, Request& request, DocumentKind kind) {
   const auto rows = service.store.list_documents(kind, request.captures[0]);
@@ -54,16 +52,18 @@ Result<Response> get_document(Service& service, Request& request, DocumentKind k
   return response;
 }
 
-Result<ValveRecordings> read_valve(Service& service, const std::string& submission_id) {
+Result<GoodValve> good_valve(Service& service, const std::string& submission_id) {
   const auto rows = service.store.recordings_of(submission_id);
   if (!rows) return tl::unexpected(rows.error());
   if (rows->empty()) return fail("not_found", fmt::format("there is no submission '{}'", submission_id));
-  ValveRecordings valve;
-  valve.serial = rows->front().labels.serial.value_or(submission_id);
+  GoodValve valve{.serial = rows->front().labels.serial.value_or(submission_id), .files = {}};
   for (const RecordingRow& row : *rows) {
-    auto recording = read_stored_recording(service, row);
-    if (!recording) return tl::unexpected(recording.error());
-    valve.recordings.push_back(std::move(*recording));
+    const auto job = service.store.job(row.job_id);
+    if (!job) return tl::unexpected(job.error());
+    valve.files.push_back({.path = service.blobs.path_of(row.sha256),
+                           .name = row.name,
+                           .options_json = job->options_json,
+                           .test = row.test});
   }
   return valve;
 }
@@ -73,17 +73,19 @@ Result<Reference> learn_from(Service& service, const Json& document, const std::
   const auto ids = JsonFields(document, "", error).texts("submissions");
   if (error) return tl::unexpected(*error);
   if (ids.size() > kMaxReferenceSubmissions) {
-    return fail("out_of_range", fmt::format("at most {} submissions can be learned from", kMaxReferenceSubmissions));
+    return fail("out_of_range", fmt::format("{} submissions: at most {} can be learned from over HTTP, more by "
+                                            "'valvetriage reference learn'",
+                                            ids.size(), kMaxReferenceSubmissions));
   }
-  const auto place = ComputationPlace::take(service);
+  const auto place = PlaceForWork::take(service.learning);
   if (!place) return tl::unexpected(place.error());
-  std::vector<ValveRecordings> valves;
+  std::vector<GoodValve> valves;
   for (const std::string& id : ids) {
-    auto valve = read_valve(service, id);
+    auto valve = good_valve(service, id);
     if (!valve) return tl::unexpected(valve.error());
     valves.push_back(std::move(*valve));
   }
-  return learn_reference(valves, valve_type);
+  return learn_in_child(valves, valve_type, [&] { return !service.stopping(); });
 }
 
 }  // namespace

@@ -17,6 +17,9 @@ inline constexpr std::size_t kMaxTrailerBytes = 4 * 1024;
 inline constexpr std::size_t kMaxFilesPerSubmission = 256;
 /// JSON documents other than recordings (references with maps and covariances are the largest, about 300 kB).
 inline constexpr std::size_t kMaxDocumentBytes = 16 * 1024 * 1024;
+/// Good valves of one reference that is learned here: seconds each while its sender waits, a quarter of an hour. So
+/// many tell a spread to 4 %; the verb `reference learn` takes more.
+inline constexpr std::size_t kMaxReferenceSubmissions = 300;
 inline constexpr std::size_t kMaxMultipartHeaderBytes = 8 * 1024;
 
 /// Connections that hold a socket but no thread while they are idle or still sending a head.

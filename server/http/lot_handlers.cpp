@@ -252,7 +252,7 @@ Result<Response> get_lot_report(Service& service, Request& request) {
   auto sizes = lot_sizes(service.store, *history);
   if (!sizes) return tl::unexpected(sizes.error());
   report.sizes = std::move(*sizes);
-  const auto place = ComputationPlace::take(service);
+  const auto place = PlaceForWork::take(service.computations);
   if (!place) return tl::unexpected(place.error());
   const auto patterns = stored_patterns(service, *history);
   if (!patterns) return tl::unexpected(patterns.error());

@@ -45,7 +45,7 @@ Result<Response> get_lot_patterns(Service& service, Request& request) {
   if (!lot) return tl::unexpected(lot.error());
   const auto history = stored_history(service.store, {.lot = lot->lot});
   if (!history) return tl::unexpected(history.error());
-  const auto place = ComputationPlace::take(service);
+  const auto place = PlaceForWork::take(service.computations);
   if (!place) return tl::unexpected(place.error());
   const auto patterns = stored_patterns(service, *history);
   if (!patterns) return tl::unexpected(patterns.error());

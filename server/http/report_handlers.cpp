@@ -85,7 +85,7 @@ Result<Response> get_report(Service& service, Request& request) {
   if (!document) return tl::unexpected(document.error());
   const auto rows = service.store.recordings_of(submission->id);
   if (!rows) return tl::unexpected(rows.error());
-  const auto place = ComputationPlace::take(service);
+  const auto place = PlaceForWork::take(service.computations);
   if (!place) return tl::unexpected(place.error());
   const auto reference = reference_left(service, document->analysis);
   if (!reference) return tl::unexpected(reference.error());
@@ -104,7 +104,7 @@ Result<Response> get_plot(Service& service, Request& request) {
   if (!row) return tl::unexpected(row.error());
   const auto document = newest_document(service, *submission);
   if (!document) return tl::unexpected(document.error());
-  const auto place = ComputationPlace::take(service);
+  const auto place = PlaceForWork::take(service.computations);
   if (!place) return tl::unexpected(place.error());
   const auto reference = reference_left(service, document->analysis);
   if (!reference) return tl::unexpected(reference.error());

@@ -227,7 +227,7 @@ Result<Response> get_series(Service& service, Request& request) {
   const auto row = recording_asked_for(service, request);
   if (!row) return tl::unexpected(row.error());
   if (wanted->what == Shown::kBode) return bode_response(service, request, *row);
-  const auto place = ComputationPlace::take(service);
+  const auto place = PlaceForWork::take(service.computations);
   if (!place) return tl::unexpected(place.error());
   const auto recording = read_stored_recording(service, *row);
   if (!recording) return tl::unexpected(recording.error());
@@ -254,7 +254,7 @@ Result<Response> get_series(Service& service, Request& request) {
 Result<Response> get_marks(Service& service, Request& request) {
   const auto row = recording_asked_for(service, request);
   if (!row) return tl::unexpected(row.error());
-  const auto place = ComputationPlace::take(service);
+  const auto place = PlaceForWork::take(service.computations);
   if (!place) return tl::unexpected(place.error());
   const auto recording = read_stored_recording(service, *row);
   if (!recording) return tl::unexpected(recording.error());
@@ -285,7 +285,7 @@ Result<Response> get_marks(Service& service, Request& request) {
 }
 
 Result<Response> post_simulation(Service& service, Request& request) {
-  const auto place = ComputationPlace::take(service);
+  const auto place = PlaceForWork::take(service.computations);
   if (!place) return tl::unexpected(place.error());
   const auto document = receive_json(request, kMaxDocumentBytes);
   if (!document) return tl::unexpected(document.error());

@@ -14,6 +14,10 @@ namespace valvetriage::http {
 
 /// Series and simulations computed inside the server at a time: each may hold one large recording in memory.
 inline constexpr int kMaxComputations = 2;
+/// References learned at a time: minutes of a processor, which the workers need.
+inline constexpr int kMaxLearning = 1;
+
+using Places = std::counting_semaphore<>;
 
 /// Residuals of valves by the analysis they belong to, which never changes; see stored_patterns.cpp.
 struct ResidualCache;
@@ -32,7 +36,8 @@ struct Service {
   Metrics metrics{};
   std::atomic<int> event_waiters{0};  ///< requests that wait for an event now
   int max_event_waiters = 1;          ///< a quarter of the requests at a time: see make_http_server
-  std::counting_semaphore<kMaxComputations> computations{kMaxComputations};
+  Places computations{kMaxComputations};
+  Places learning{kMaxLearning};
   std::shared_ptr<ResidualCache> residuals = make_residual_cache();
 };
 

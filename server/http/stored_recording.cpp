@@ -24,9 +24,9 @@ Result<Recording> read_stored_mat(Service& service, const RecordingRow& row, con
 
 }  // namespace
 
-Result<ComputationPlace> ComputationPlace::take(Service& service) {
-  if (service.computations.try_acquire_for(kPatience)) return ComputationPlace(&service);
-  return fail("busy", "the server is computing other series and simulations; try again");
+Result<PlaceForWork> PlaceForWork::take(Places& places) {
+  if (places.try_acquire_for(kPatience)) return PlaceForWork(&places);
+  return fail("busy", "the server does as much of this already as it may at a time; try again");
 }
 
 Result<Recording> read_stored_recording(Service& service, const RecordingRow& row) {

@@ -9,20 +9,20 @@
 
 namespace valvetriage::http {
 
-/// One of the places for work inside the server, held as long as it lives.
-class ComputationPlace {
+/// One of the places for work of a kind, held as long as it lives.
+class PlaceForWork {
  public:
   /// Waits a moment for a place. Errors `busy`.
-  static Result<ComputationPlace> take(Service& service);
-  ComputationPlace(ComputationPlace&& other) noexcept : service_(std::exchange(other.service_, nullptr)) {}
-  ComputationPlace& operator=(ComputationPlace&&) = delete;
-  ~ComputationPlace() {
-    if (service_) service_->computations.release();
+  static Result<PlaceForWork> take(Places& places);
+  PlaceForWork(PlaceForWork&& other) noexcept : places_(std::exchange(other.places_, nullptr)) {}
+  PlaceForWork& operator=(PlaceForWork&&) = delete;
+  ~PlaceForWork() {
+    if (places_) places_->release();
   }
 
  private:
-  explicit ComputationPlace(Service* service) : service_(service) {}
-  Service* service_;
+  explicit PlaceForWork(Places* places) : places_(places) {}
+  Places* places_;
 };
 
 /// A stored recording as the analysis reads it: with the options of its newest job and the labels it was accepted with.

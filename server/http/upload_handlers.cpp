@@ -89,7 +89,7 @@ Result<Labels> common_labels(const std::vector<ReceivedFile>& files) {
 /// say why.
 Result<void> read_labels(Service& service, ReceivedFile& file, const std::string& options_json) {
   if (!file.labels_inside) return {};
-  const auto place = ComputationPlace::take(service);
+  const auto place = PlaceForWork::take(service.computations);
   if (!place) return tl::unexpected(place.error());
   auto read = read_in_child({.path = service.blobs.path_of(file.blob.sha256()),
                              .name = file.name,

@@ -7,9 +7,6 @@
 #include <iterator>
 #include <new>
 
-#include "server/wire/json.h"
-#include "server/wire/json_fields.h"
-
 namespace valvetriage {
 namespace {
 
@@ -175,6 +172,28 @@ std::string problem_json(const Error& error) {
   if (!error.found.empty()) problem["found"] = error.found;
   if (!error.expected.empty()) problem["expected"] = error.expected;
   return dump_json(problem);
+}
+
+Json refusal_json(const Error& error) {
+  return {{"code", error.code},
+          {"message", error.message},
+          {"file", error.file},
+          {"field", error.field},
+          {"found", error.found},
+          {"expected", error.expected},
+          {"line", error.line ? Json(*error.line) : Json(nullptr)},
+          {"column", error.column ? Json(*error.column) : Json(nullptr)}};
+}
+
+Error refusal_from(JsonFields fields) {
+  Error error{.code = fields.text("code"), .message = fields.text("message")};
+  error.file = fields.text("file");
+  error.field = fields.text("field");
+  error.found = fields.text("found");
+  error.expected = fields.text("expected");
+  if (fields.has("line")) error.line = fields.count("line");
+  if (fields.has("column")) error.column = fields.count("column");
+  return error;
 }
 
 std::string refused_line(const Error& error) {

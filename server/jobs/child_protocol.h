@@ -9,6 +9,8 @@
 
 #include "core/result.h"
 #include "server/store/store.h"
+#include "server/wire/json.h"
+#include "server/wire/json_fields.h"
 
 namespace valvetriage {
 
@@ -61,6 +63,10 @@ std::string refused_line(const Error& error);
 
 /// A problem document of what went wrong: code, detail and position.
 std::string problem_json(const Error& error);
+
+/// What a child was asked for and refused, as it says it and as it is read again.
+Json refusal_json(const Error& error);
+Error refusal_from(JsonFields fields);
 
 struct ChildProgress {
   double fraction = 0;

@@ -79,7 +79,7 @@ class Answer {
       const std::vector<double> values = fields.numbers("values");
       channel_->values.insert(channel_->values.end(), values.begin(), values.end());
     } else {
-      take_refusal(fields.object("refused"));
+      refuse(refusal_from(fields.object("refused")));
     }
     if (error) refuse(*error);
   }
@@ -121,15 +121,6 @@ class Answer {
     channel_->unit = fields.text("unit");
     channel_->file_unit = fields.text("file_unit");
     channel_->file_unit_scale = fields.number("file_unit_scale");
-  }
-
-  void take_refusal(JsonFields fields) {
-    Error error{.code = fields.text("code"), .message = fields.text("message")};
-    error.file = fields.text("file");
-    error.field = fields.text("field");
-    error.found = fields.text("found");
-    error.expected = fields.text("expected");
-    refuse(error);
   }
 
   RawRecording raw_;
@@ -181,14 +172,7 @@ int run_reading_child() {
   }
   const auto raw = read_here(file);
   if (!raw) {
-    const Error& why = raw.error();
-    say({{"refused",
-          {{"code", why.code},
-           {"message", why.message},
-           {"file", why.file},
-           {"field", why.field},
-           {"found", why.found},
-           {"expected", why.expected}}}});
+    say({{"refused", refusal_json(raw.error())}});
     return 0;
   }
   say({{"metadata", metadata_json(raw->metadata)}});

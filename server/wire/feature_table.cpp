@@ -11,7 +11,7 @@ namespace {
 
 /// What a column of the table means.
 struct Column {
-  enum class Kind { kIgnored, kVerdict, kFeature } kind = Kind::kIgnored;
+  enum class Kind { kIgnored, kSerial, kVerdict, kFeature } kind = Kind::kIgnored;
   Quantity quantity = Quantity::kError;
   std::size_t level = 0;  ///< index into the table's levels
   std::string name;
@@ -119,6 +119,8 @@ Result<Layout> read_header(std::string_view header, std::size_t line) {
     Column column{.name = std::string(names[i])};
     if (names[i] == "verdict") {
       column.kind = Column::Kind::kVerdict;
+    } else if (names[i] == "serial") {
+      column.kind = Column::Kind::kSerial;
     } else if (const auto feature = feature_of(names[i])) {
       column.kind = Column::Kind::kFeature;
       column.quantity = feature->first;
@@ -195,7 +197,9 @@ Result<FeatureRow> read_row(std::string_view text, const Layout& layout, std::si
   std::vector<LevelCells> cells(layout.levels.size());
   for (std::size_t i = 0; i < fields.size(); ++i) {
     const Column& column = layout.columns[i];
-    if (column.kind == Column::Kind::kVerdict) {
+    if (column.kind == Column::Kind::kSerial) {
+      row.serial = fields[i];
+    } else if (column.kind == Column::Kind::kVerdict) {
       row.verdict = verdict_from(fields[i]);
       if (!row.verdict) return at_field(line, i, column, "unknown_verdict", fields[i], "Good, Malfunctioned or Severe");
     } else if (column.kind == Column::Kind::kFeature && !fields[i].empty()) {

@@ -17,6 +17,7 @@ inline constexpr std::size_t kMaxTableColumns = 256;
 /// One valve of a table.
 struct FeatureRow {
   std::size_t line = 0;  ///< 1-based line in the text
+  std::string serial{};  ///< empty where the table does not say
   std::vector<LevelFeatures> levels{};
   std::optional<Verdict> verdict{};
 };
@@ -33,11 +34,13 @@ struct FeatureTable {
 ///   settling_error_<level>, rise_time_<level> [s], bandwidth_<level> [Hz]
 ///                                where they are there; an empty field is a value not measured
 ///   verdict                      Good, Malfunctioned or Severe
+///   serial                       which valve it is, for what is printed
 ///
 /// Separator `,` `;` or tab; a decimal comma with the latter two; UTF-8 with or without BOM; LF or CRLF; lines that
-/// start with `#` and empty lines are skipped; other columns are ignored. Errors  `missing_column`, `duplicate_column`,
-/// `not_a_number`, `not_finite`, `negative`, `not_positive`, `wrong_field_count`,
-///         `unknown_verdict`, `no_rows`, `too_large`; with line, column, found and expected
+/// start with `#` and empty lines are skipped; other columns are ignored.
+///
+/// Errors  `missing_column`, `duplicate_column`, `not_a_number`, `not_finite`, `negative`, `not_positive`,
+///         `wrong_field_count`, `unknown_verdict`, `no_rows`, `too_large`; with line, column, found and expected
 Result<FeatureTable> parse_feature_table(std::string_view text);
 
 /// The rows that can be learned from.

@@ -92,8 +92,7 @@ class DemoWalk(unittest.TestCase):
 
         run(STAND, "population", "--out", cls.folder / "good", "--valves", GOOD_VALVES)
         run(VALVETRIAGE, "reference", "learn", cls.folder / "good", "--valve-type", "type-1", "-o", cls.folder / "reference.json")
-        window = json.loads((cls.folder / "reference.json").read_text())["window"]
-        run(VALVETRIAGE, "rule-base", "learn", LABELLED, "--name", "demo", "--rate-hz", window["rate_hz"], "--duration-s", window["duration_s"],
+        run(VALVETRIAGE, "rule-base", "learn", LABELLED, "--name", "demo", "--reference", cls.folder / "reference.json",
             "-o", cls.folder / "rules.json")
         run(STAND, "lot", "--out", cls.folder / "lot", "--lot", LOT, "--valves", 8, "--truth", cls.folder / "truth.json")
         units = json.loads((cls.folder / "truth.json").read_text())

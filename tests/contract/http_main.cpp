@@ -1,5 +1,6 @@
 // The contract tests of the service, and the child that their servers start for each job: this executable with the verb
-// `analysis-child`; `reading-child` is the real one. `serve DIR [PORT]` runs a server alone, for tests that kill it.
+// `analysis-child`; `reading-child` and `learning-child` are the real ones. `serve DIR [PORT]` runs a server alone, for
+// tests that kill it.
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
@@ -16,6 +17,7 @@
 #include "core/recording/columns.h"
 #include "server/http/serve.h"
 #include "server/jobs/child_protocol.h"
+#include "server/jobs/learning_child.h"
 #include "server/jobs/reading_child.h"
 #include "server/report/valve_residuals.h"
 #include "server/wire/analysis_json.h"
@@ -149,6 +151,7 @@ int main(int argc, char** argv) {
   if (argc > 1 && std::strcmp(argv[1], "analysis-child") == 0)
     return valvetriage::run_child(valvetriage::read_only_analysis);
   if (argc > 1 && argv[1] == valvetriage::kReadingVerb) return valvetriage::run_reading_child();
+  if (argc > 1 && argv[1] == valvetriage::kLearningVerb) return valvetriage::run_learning_child();
   if (argc > 2 && std::strcmp(argv[1], "serve") == 0)
     return valvetriage::serve_alone(argv[2], argc > 3 ? argv[3] : "0");
   testing::InitGoogleTest(&argc, argv);

@@ -36,9 +36,7 @@ class Documents:
         self.good = sorted(path for path in (self.folder / "good").iterdir() if path.is_dir())
         self.reference, self.rules = self.folder / "reference.json", self.folder / "rules.json"
         run(BINARY, "reference", "learn", self.folder / "good", "--valve-type", TYPE, "-o", self.reference)
-        window = json.loads(self.reference.read_text())["window"]
-        run(BINARY, "rule-base", "learn", self._table(), "--rate-hz", window["rate_hz"], "--duration-s",
-            window["duration_s"], "-o", self.rules)
+        run(BINARY, "rule-base", "learn", self._table(), "--reference", self.reference, "-o", self.rules)
 
     def analysis(self, valve, *options):
         return json.loads(run(BINARY, "analyze", *recordings(valve), "--reference", self.reference, *options, "--json"))
@@ -97,6 +95,25 @@ class Service(unittest.TestCase):
             time.sleep(0.05)
         analyses = self.service.get(submission["links"]["analyses"])["items"]
         self.assertEqual([analysis["result_sha256"] for analysis in analyses], [by_the_verb["result_sha256"]] * 2)
+
+    def learned_from(self, service, valves):
+        sent = [service.submit(*recordings(valve))[1][0] for valve in valves]
+        ids = [submission["links"]["self"].rpartition("/")[2] for submission in sent]
+        return service.request(f"/v1/valve-types/{TYPE}/references", json.dumps({"submissions": ids}))
+
+    def test_a_reference_learned_from_submissions_is_the_one_that_the_verb_learns(self):
+        with RunningService(BINARY) as service:
+            status, stored = self.learned_from(service, self.documents.good)
+            self.assertEqual(status, 201, stored)
+            learned, by_the_verb = service.get(stored["links"]["self"]), json.loads(self.documents.reference.read_text())
+            for document in (learned, by_the_verb):
+                document.pop("version", None)
+            self.assertEqual(learned, by_the_verb)
+
+    def test_two_good_valves_are_too_few_to_learn_from(self):
+        with RunningService(BINARY) as service:
+            status, problem = self.learned_from(service, self.documents.good[:2])
+            self.assertEqual((status, problem["code"]), (422, "too_few_valves"))
 
     def test_the_exit_status_tells_good_from_rejected_from_undecided(self):
         self.upload_documents()

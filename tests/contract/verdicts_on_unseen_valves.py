@@ -43,14 +43,12 @@ with tempfile.TemporaryDirectory() as name:
     run(stand, "population", "--out", work / "good", "--valves", 8, "--seed", 7)
     reference = work / "reference.json"
     run(valvetriage, "reference", "learn", work / "good", "--valve-type", "type-1", "-o", reference)
-    window = json.loads(reference.read_text())["window"]
     tables = []
     for seed in (11, 12):
         (work / str(seed)).mkdir()
         tables.append(feature_table(work / str(seed), seed, reference))
     rules = work / "rules.json"
-    run(valvetriage, "rule-base", "learn", tables[0], "--rate-hz", window["rate_hz"], "--duration-s",
-        window["duration_s"], "-o", rules)
+    run(valvetriage, "rule-base", "learn", tables[0], "--reference", reference, "-o", rules)
     judged = json.loads(run(valvetriage, "classify", tables[1], "--rule-base", rules, "--json"))["rows"]
     confusion = collections.Counter()
     with open(tables[1], newline="") as table:

@@ -28,6 +28,7 @@ TEST(FeatureTable, ReadsLevelsFurtherQuantitiesAndVerdicts) {
   EXPECT_TRUE(table.has_verdicts);
   const FeatureRow& first = table.rows[0];
   EXPECT_EQ(first.line, 2u);
+  EXPECT_EQ(first.serial, "a");
   EXPECT_EQ(first.verdict, Verdict::kGood);
   ASSERT_EQ(first.levels.size(), 2u);
   EXPECT_DOUBLE_EQ(first.levels[0].level_a, 1.4);
