@@ -106,6 +106,8 @@ QualityItem outside_item(const Recording& recording, const Reference& reference,
           count};
 }
 
+// Shares of the time of an analysis.
+constexpr double kFitted = 0.1, kDiagnosed = 0.95;
 // Time constants until what a gap hid is forgotten: e⁻⁵ of it is left, below the noise.
 constexpr double kMemories = 5;
 // Less than this within the reference says nothing about a valve, nor does less than the memory that the rest has left.
@@ -132,10 +134,13 @@ Result<void> require_current(const Reference& reference) {
 
 /// What the simulation gets wrong, into the analysis; the extended model's free runs into `runs` where there is one.
 void diagnose(std::span<const Recording> recordings, const ValveFit& fit, const ValveFitOptions& options,
-              const Reference& reference, Analysis& analysis, FreeRuns& runs) {
-  ValveDiagnosis diagnosis = diagnose_valve(
-      recordings, fit,
-      {.fit = options, .good_valves = reference.valves, .causes = reference.causes, .leftovers = reference.leftovers});
+              const Reference& reference, const StageReport& report, Analysis& analysis, FreeRuns& runs) {
+  ValveDiagnosis diagnosis = diagnose_valve(recordings, fit,
+                                            {.fit = options,
+                                             .good_valves = reference.valves,
+                                             .causes = reference.causes,
+                                             .leftovers = reference.leftovers,
+                                             .report = report});
   analysis.discrepancy = std::move(diagnosis.discrepancy);
   analysis.extended_model = std::move(diagnosis.extended_model);
   if (analysis.discrepancy->causes.empty()) return;
@@ -143,7 +148,7 @@ void diagnose(std::span<const Recording> recordings, const ValveFit& fit, const 
   runs.without_cause = std::move(diagnosis.without_cause);
 }
 
-Result<FreeRuns> run_reference(std::span<const Recording> recordings, Analysis& analysis) {
+Result<FreeRuns> run_reference(std::span<const Recording> recordings, const StageReport& report, Analysis& analysis) {
   const Reference& reference = *analysis.baseline.reference;
   if (const auto current = require_current(reference); !current) return tl::unexpected(current.error());
   const double memory_s = kMemories * reference.model.volume->time_constant_s;
@@ -170,7 +175,7 @@ Result<FreeRuns> run_reference(std::span<const Recording> recordings, Analysis& 
   // A reference learned without the engine's survey of its valves has no scale to name a cause by, and samples that the
   // reference cannot be compared with are no sign of a good valve.
   if (!reference.causes.empty() && runs.not_comparable.empty())
-    diagnose(kept, *fit, options, reference, analysis, runs);
+    diagnose(kept, *fit, options, reference, report_part(report, kFitted, kDiagnosed), analysis, runs);
   runs.baseline = std::move(fit->simulated);
   for (const Recording& recording : recordings) {
     auto population = simulate_extended(reference.model, recording, InitialState{});
@@ -400,8 +405,8 @@ std::vector<Recording> without_stand(std::span<const Recording> recordings, cons
 
 /// What the linear machine gets wrong on its own recordings. Recordings that allow no diagnosis (an output that never
 /// changes, different sample times) have none; the rest of the analysis stands.
-void diagnose_self(std::span<const Recording> recordings, Analysis& analysis) {
-  auto diagnosis = diagnose_machine(recordings, MachineOptions{});
+void diagnose_self(std::span<const Recording> recordings, const StageReport& report, Analysis& analysis) {
+  auto diagnosis = diagnose_machine(recordings, {.report = report_part(report, kFitted, 1)});
   if (!diagnosis) return;
   analysis.discrepancy = std::move(diagnosis->discrepancy);
   if (diagnosis->extended.empty()) return;
@@ -426,9 +431,11 @@ Result<Analysis> analyze(std::span<const Recording> given, const AnalysisOptions
   if (!baseline) return tl::unexpected(baseline.error());
   analysis.baseline = std::move(*baseline);
 
-  auto runs = analysis.baseline.kind == BaselineKind::kReference ? run_reference(recordings, analysis)
-                                                                 : run_fitted(recordings, analysis);
+  const bool is_compared = analysis.baseline.kind == BaselineKind::kReference;
+  report_stage(options.report, 0, is_compared ? "fitting the valve" : "fitting a linear machine");
+  auto runs = is_compared ? run_reference(recordings, options.report, analysis) : run_fitted(recordings, analysis);
   if (!runs) return tl::unexpected(runs.error());
+  if (is_compared) report_stage(options.report, kDiagnosed, "judging the levels");
   analysis.simulation = figures_of(recordings, *runs);
   analysis.simulation.window = window_for(analysis.baseline, options);
   if (all_in_valve_units(recordings)) {
@@ -459,7 +466,7 @@ Result<Analysis> analyze(std::span<const Recording> given, const AnalysisOptions
   }
   analysis.simulated = std::move(runs->baseline);
   analysis.extended = std::move(runs->extended);
-  if (analysis.baseline.kind != BaselineKind::kReference) diagnose_self(recordings, analysis);
+  if (!is_compared) diagnose_self(recordings, options.report, analysis);
   if (analysis.extended.empty()) analysis.extended_model = analysis.baseline.model;
   return analysis;
 }

@@ -5,6 +5,7 @@
 
 #include "core/analysis/analysis.h"
 #include "core/classify/rule_base.h"
+#include "core/stage.h"
 
 namespace valvetriage {
 
@@ -13,6 +14,7 @@ struct AnalysisOptions {
   std::optional<Reference> reference;    ///< the population of good valves of this type
   std::optional<RuleBase> rule_base;     ///< what turns figures into a verdict
   std::optional<BaselineKind> baseline;  ///< empty: the reference where there is one and the units fit, else `self`
+  StageReport report{};                  ///< told each stage as it begins; nobody where empty
 };
 
 /// Analyses one valve's recordings together: baseline, free-run simulation, residual figures by level, verdict.

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <map>
 #include <set>
+#include <string_view>
 
 #include "core/analysis/population_covariance.h"
 #include "core/analysis/usual_mechanisms.h"
@@ -38,6 +39,15 @@ struct Member {
   double distance = 0;
   bool used = true;
 };
+
+// Shares of the time of learning.
+constexpr double kFitted = 0.1, kUsualLearned = 0.3, kFittedAgain = 0.4;
+
+void report_valve(const StageReport& report, std::string_view what, const ValveRecordings& valve, std::size_t before,
+                  std::size_t valves) {
+  report_stage(report, static_cast<double>(before) / static_cast<double>(valves),
+               fmt::format("{} valve {} ({} of {})", what, valve.serial, before + 1, valves));
+}
 
 Result<ValveFit> fit_member(const ValveRecordings& valve, const ValveFitOptions& options) {
   auto fit = fit_valve(valve.recordings, options);
@@ -261,10 +271,13 @@ Result<std::vector<LevelPopulation>> level_populations(const std::vector<Member>
 }
 
 /// What the engine sees in good valves, each against the population of the others: the scale of every later test.
-Result<void> survey_members(const std::vector<Member>& members, ValveFitOptions options, Reference& reference) {
+Result<void> survey_members(const std::vector<Member>& members, ValveFitOptions options, const StageReport& report,
+                            Reference& reference) {
   std::map<std::string, Running> evidence, size, leftover;
   const auto used = used_members(members);
+  std::size_t surveyed = 0;
   for (const Member* member : used) {
+    report_valve(report, "trying every cause on", *member->valve, surveyed++, used.size());
     const auto others = used_members(members, member);
     const VectorXd mean = mean_of(others);
     options.prior = population_prior(mean, covariance_of(others, options), static_cast<double>(others.size()));
@@ -340,9 +353,11 @@ Result<ValveFitOptions> common_options(std::span<const ValveRecordings> valves) 
 }
 
 /// Every valve fitted, those that are unlike the others left out.
-Result<std::vector<Member>> fit_members(std::span<const ValveRecordings> valves, ValveFitOptions options) {
+Result<std::vector<Member>> fit_members(std::span<const ValveRecordings> valves, ValveFitOptions options,
+                                        const StageReport& report) {
   std::vector<Member> members;
   for (const ValveRecordings& valve : valves) {
+    report_valve(report, "fitting", valve, members.size(), valves.size());
     auto fit = fit_member(valve, options);
     if (!fit) return tl::unexpected(fit.error());
     Member member{.valve = &valve, .fit = std::move(*fit)};
@@ -355,7 +370,7 @@ Result<std::vector<Member>> fit_members(std::span<const ValveRecordings> valves,
 }
 
 Result<Reference> learn_with(const std::vector<Member>& members, const std::string& valve_type,
-                             const ValveFitOptions& options) {
+                             const ValveFitOptions& options, const StageReport& report) {
   const auto used = used_members(members);
   const VectorXd mean = mean_of(used);
   const MatrixXd covariance = covariance_of(used, options);
@@ -377,7 +392,7 @@ Result<Reference> learn_with(const std::vector<Member>& members, const std::stri
   auto levels = level_populations(members, options, reference.window);
   if (!levels) return tl::unexpected(levels.error());
   reference.levels = std::move(*levels);
-  if (const auto surveyed = survey_members(members, options, reference); !surveyed) {
+  if (const auto surveyed = survey_members(members, options, report, reference); !surveyed) {
     return tl::unexpected(surveyed.error());
   }
   return reference;
@@ -408,7 +423,8 @@ Result<void> check_distinct(std::span<const ValveRecordings> valves) {
 
 }  // namespace
 
-Result<Reference> learn_reference(std::span<const ValveRecordings> valves, const std::string& valve_type) {
+Result<Reference> learn_reference(std::span<const ValveRecordings> valves, const std::string& valve_type,
+                                  const StageReport& report) {
   if (valves.size() < static_cast<std::size_t>(kFewestReferenceValves)) {
     return fail("too_few_valves",
                 fmt::format("a reference needs at least {} good valves, here {} {}", kFewestReferenceValves,
@@ -419,16 +435,17 @@ Result<Reference> learn_reference(std::span<const ValveRecordings> valves, const
   if (!options) return tl::unexpected(options.error());
 
   // What they have in common is learned from those that are alike.
-  const auto first = fit_members(valves, *options);
+  const auto first = fit_members(valves, *options, report_part(report, 0, kFitted));
   if (!first) return tl::unexpected(first.error());
   const auto alike = used_members(*first);
   options->start = alike.front()->fit.parameters;
+  report_stage(report, kFitted, "learning what they have in common");
   const auto usual = learn_usual_mechanisms(recordings_of(alike), *options);
   if (!usual) return tl::unexpected(usual.error());
   options->usual = *usual;
-  const auto members = fit_members(valves, *options);
+  const auto members = fit_members(valves, *options, report_part(report, kUsualLearned, kFittedAgain));
   if (!members) return tl::unexpected(members.error());
-  return learn_with(*members, valve_type, *options);
+  return learn_with(*members, valve_type, *options, report_part(report, kFittedAgain, 1));
 }
 
 }  // namespace valvetriage

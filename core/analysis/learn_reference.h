@@ -6,6 +6,7 @@
 
 #include "core/model/reference.h"
 #include "core/recording/recording.h"
+#include "core/stage.h"
 
 namespace valvetriage {
 
@@ -29,6 +30,8 @@ inline constexpr int kFewestReferenceValves = 3;
 /// Errors  `too_few_valves`; `repeated_valve` where two of one serial share a recording; a valve that cannot be
 ///         fitted, by its serial
 /// Cost    about a second per valve of 24,000 samples
-Result<Reference> learn_reference(std::span<const ValveRecordings> valves, const std::string& valve_type);
+/// report  told each stage as it begins; nobody where empty
+Result<Reference> learn_reference(std::span<const ValveRecordings> valves, const std::string& valve_type,
+                                  const StageReport& report = {});
 
 }  // namespace valvetriage

@@ -23,6 +23,7 @@ namespace {
 constexpr int kLastIterations = 12;
 constexpr double kClockTolerance = 1e-4;
 constexpr double kDecimationShare = 0.1;  // of the output's deviation: first guess of what a linear machine leaves
+constexpr double kSearched = 0.8;         // of the time of a diagnosis
 constexpr std::size_t kMostBootstrap = 400;
 
 Result<void> check(std::span<const Recording> recordings) {
@@ -401,6 +402,7 @@ Result<MachineDiagnosis> diagnose_machine(std::span<const Recording> recordings,
   const bool feedback = loop.input_follows_output || loop.integrating_controller;
   const double allowed = std::max(0.01 * kDecimationShare * spread, pooled_noise(recordings, loop));
   const MachineData data = machine_data(recordings, allowed, options.most_samples);
+  report_stage(options.report, 0, "trying every law of a machine");
   const MachineSearch search = search_machines(data, ground_of(recordings, data, loop), budget);
   const MachineData whole = data.windows ? whole_records(recordings, data) : data;
   const MachineFit linear = on_whole_records(data, whole, search.linear.fit, budget);
@@ -429,6 +431,7 @@ Result<MachineDiagnosis> diagnose_machine(std::span<const Recording> recordings,
   if (options.trace) diagnosis.trace = trace_of(search, data);
   if (!verdict.winner) return diagnosis;
 
+  report_stage(options.report, kSearched, "fitting what won to every sample");
   const Extension extension =
       friction ? unrefined(data, whole, *friction, budget) : extend(data, whole, *verdict.winner, budget);
   gain.rmse_extended = held_out_rms(*verdict.winner) * scale;

@@ -7,6 +7,7 @@
 #include "core/discrepancy/discrepancy.h"
 #include "core/model/model.h"
 #include "core/recording/recording.h"
+#include "core/stage.h"
 
 namespace valvetriage {
 
@@ -14,6 +15,7 @@ struct MachineOptions {
   std::size_t most_samples = 5000;  ///< that the search looks at; the winner is refitted on all
   double block_samples = 4e9;       ///< simulations times samples times blocks, over the whole search
   bool trace = false;               ///< the table of all explanations in `trace`
+  StageReport report{};             ///< told each stage as it begins; nobody where empty
 };
 
 /// What baseline `self` finds out about any machine.

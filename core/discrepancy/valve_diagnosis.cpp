@@ -1,5 +1,7 @@
 #include "core/discrepancy/valve_diagnosis.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 
 #include "core/discrepancy/input_lines.h"
@@ -11,6 +13,8 @@ namespace valvetriage {
 namespace {
 
 constexpr int kRefitSteps = 12;
+// Shares of the time of a diagnosis.
+constexpr double kFirstContest = 0.3, kFurtherContest = 0.1, kReconsidered = 0.65, kConcluded = 0.75;
 // A further cause explains at least this share of what is left above the noise (three in ten, lesson of the pairs).
 constexpr double kShareOfASecond = 0.3;
 constexpr int kMostCauses = 3;
@@ -24,20 +28,30 @@ class Diagnosis {
       : options_(options), baseline_(explain_nothing(recordings, options.fit, baseline)) {}
 
   ValveDiagnosis run() {
+    report_stage(options_.report, 0, "trying every known cause");
     first_ = hold_contest(baseline_, options_);
     unseen_ = odds_of_being_too_small(first_);
     Explanation explanation = baseline_.copy();
     if (first_.best) {
       explanation = first_.best->copy();
       places_.push_back(first_place(explanation));
-      while (explanation.laws.size() < static_cast<std::size_t>(kMostCauses) && add_one(explanation)) {
+      while (explanation.laws.size() < static_cast<std::size_t>(kMostCauses)) {
+        const double found = static_cast<double>(explanation.laws.size());
+        report_stage(options_.report, kFirstContest + found * kFurtherContest,
+                     fmt::format("looking for a further cause beside {}", causes_in(explanation)));
+        if (!add_one(explanation)) break;
       }
-      if (explanation.laws.size() > 1) reconsider(explanation);
+      if (explanation.laws.size() > 1) {
+        report_stage(options_.report, kReconsidered,
+                     fmt::format("comparing {} with their rivals", causes_in(explanation)));
+        reconsider(explanation);
+      }
       while (explanation.laws.size() > 1 && drop_one_without_size(explanation)) {
       }
       if (explanation.laws.size() == 1) compare_alone(explanation);
       std::erase_if(unseen_, [&](const UnseenCause& unseen) { return has_family_of(explanation, unseen.cause); });
     }
+    report_stage(options_.report, kConcluded, "measuring the gain on held-out recordings");
     return conclude({baseline_, explanation, places_, first_, unseen_}, options_);
   }
 
@@ -127,6 +141,15 @@ class Diagnosis {
     explanation = again.best->copy();
     first_ = std::move(again);
     places_.front() = first_place(explanation);
+  }
+
+  static std::string causes_in(const Explanation& explanation) {
+    std::string causes;
+    for (const LawFit& fit : explanation.laws) {
+      causes += fmt::format("{}{}", causes.empty() ? "" : " and ", fit.law.law->cause);
+    }
+    std::replace(causes.begin(), causes.end(), '_', ' ');
+    return causes;
   }
 
   static bool has_family_of(const Explanation& explanation, const std::string& cause) {

@@ -6,6 +6,7 @@
 #include "core/discrepancy/discrepancy.h"
 #include "core/identify/valve_fit.h"
 #include "core/model/reference.h"
+#include "core/stage.h"
 
 namespace valvetriage {
 
@@ -15,6 +16,7 @@ struct ValveDiagnosisOptions {
   int good_valves = 0;
   std::span<const CauseOnGoodValves> causes;
   std::span<const LeftoverOnGoodValves> leftovers;
+  StageReport report{};  ///< told each stage as it begins; nobody where empty
 };
 
 /// A free run per recording.

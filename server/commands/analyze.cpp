@@ -7,6 +7,7 @@
 #include "server/commands/analysis_arguments.h"
 #include "server/commands/commands.h"
 #include "server/commands/documents.h"
+#include "server/commands/progress_line.h"
 #include "server/commands/recording_options.h"
 #include "server/jobs/analyze_session.h"
 #include "server/report/sentence.h"
@@ -160,13 +161,17 @@ std::string page_of(const Analysis& analysis) {
 }
 
 ExitStatus run(const AnalyzeArguments& arguments) {
-  const auto options = analysis_options(arguments.compared);
+  auto options = analysis_options(arguments.compared);
   if (!options) return ended_by(options.error());
   const auto reading = read_options(arguments.recording);
   if (!reading) return ended_by(reading.error());
   auto recordings = read_recordings(arguments.files, *reading);
   if (!recordings) return ended_by(recordings.error());
-  const auto session = analyze_session(std::move(*recordings), *options, reading->mapping);
+  const auto session = [&] {
+    const ProgressLine progress;
+    options->report = progress.stages();
+    return analyze_session(std::move(*recordings), *options, reading->mapping);
+  }();
   if (!session) return ended_by(session.error());
   const auto written =
       write_output("", arguments.json ? dump_json(session->document, true) + "\n" : page_of(session->analysis));

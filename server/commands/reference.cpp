@@ -8,6 +8,7 @@
 #include "core/analysis/learn_reference.h"
 #include "server/commands/commands.h"
 #include "server/commands/documents.h"
+#include "server/commands/progress_line.h"
 #include "server/commands/recording_options.h"
 #include "server/wire/reference_json.h"
 
@@ -138,7 +139,10 @@ ExitStatus run_learn(const LearnArguments& arguments) {
   if (!options) return ended_by(options.error());
   const auto valves = read_valves(arguments.paths, *options);
   if (!valves) return ended_by(valves.error());
-  const auto reference = learn_reference(*valves, *arguments.recording.valve_type);
+  const auto reference = [&] {
+    const ProgressLine progress;
+    return learn_reference(*valves, *arguments.recording.valve_type, progress.stages());
+  }();
   if (!reference) return ended_by(reference.error());
   const auto written = write_output(arguments.output, dump_json(to_json(*reference), true) + "\n");
   if (!written) return ended_by(written.error());

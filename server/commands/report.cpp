@@ -7,6 +7,7 @@
 #include "server/commands/commands.h"
 #include "server/commands/documents.h"
 #include "server/commands/print_pdf.h"
+#include "server/commands/progress_line.h"
 #include "server/commands/recording_options.h"
 #include "server/commands/server_options.h"
 #include "server/http/client.h"
@@ -83,12 +84,14 @@ report::RecordingPlot plot_of(const Recording& recording, const Analysis& analys
 }
 
 Result<std::string> analysed(const ReportArguments& arguments) {
-  const auto options = analysis_options(arguments.compared);
+  auto options = analysis_options(arguments.compared);
   if (!options) return tl::unexpected(options.error());
   const auto reading = read_options(arguments.recording);
   if (!reading) return tl::unexpected(reading.error());
   const auto recordings = read_recordings(arguments.subjects, *reading);
   if (!recordings) return tl::unexpected(recordings.error());
+  const ProgressLine progress;
+  options->report = progress.stages();
   const auto session = analyze_session(*recordings, *options, reading->mapping);
   if (!session) return tl::unexpected(session.error());
   auto document = analysis_from_json(session->document);

@@ -1,5 +1,4 @@
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
@@ -9,6 +8,7 @@
 
 #include "core/recording/metadata.h"
 #include "server/commands/commands.h"
+#include "server/commands/progress_line.h"
 #include "server/commands/recording_options.h"
 #include "server/commands/server_options.h"
 #include "server/http/client.h"
@@ -39,20 +39,6 @@ struct Outcome {
   std::string job_id;
   Json document;
   ExitStatus status = kDone;
-};
-
-/// One line on a terminal that is written over; nothing elsewhere.
-class ProgressLine {
- public:
-  void show(const std::string& text) const {
-    if (terminal_) fmt::print(stderr, "\r\033[K{}", text.substr(0, 100));
-  }
-  ~ProgressLine() {
-    if (terminal_) fmt::print(stderr, "\r\033[K");
-  }
-
- private:
-  bool terminal_ = isatty(STDERR_FILENO) != 0;
 };
 
 std::string upload_route(const SubmitArguments& arguments, const Metadata& labels, std::size_t files) {

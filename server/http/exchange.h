@@ -19,7 +19,7 @@ struct Request {
   ByteSource* body = nullptr;         ///< bytes as sent (de-chunked, still encoded); never null, read at most once
   std::string id;                     ///< request id, also in the answer and the log
   std::string client;                 ///< address of the peer, "unix" for a local socket
-  std::string actor;                  ///< who: a token's name, or "loopback"
+  std::string actor;                  ///< who: a token's name, or "local" where none is asked for
 
   /// Query parameter, empty where absent.
   std::string parameter(std::string_view name) const { return std::string(head.parameter(name).value_or("")); }

@@ -31,7 +31,7 @@ struct AcceptedFile {
 };
 
 /// alone         the single recording of POST /v1/recordings
-/// options_json  what the analysis is asked for (column mapping, sample rate, baseline, rule base), one JSON object
+/// options_json  what the analysis is asked for (column mapping, sample rate), one JSON object
 struct AcceptRequest {
   Labels labels{};
   std::vector<AcceptedFile> files{};

@@ -16,28 +16,10 @@
 namespace valvetriage {
 namespace {
 
-/// What the upload asked for.
-struct JobOptions {
-  ColumnMapping mapping;
-  std::optional<BaselineKind> baseline;
-};
+constexpr double kRead = 0.05;  // of the time of a job
 
-Result<JobOptions> job_options(const std::string& options_json) {
-  auto mapping = column_mapping_of(options_json);
-  if (!mapping) return tl::unexpected(mapping.error());
-  const auto document = parse_json(options_json);
-  if (!document) return tl::unexpected(document.error());
-  std::optional<Error> error;
-  JsonFields fields(*document, "", error);
-  JobOptions options{.mapping = std::move(*mapping), .baseline = std::nullopt};
-  if (fields.has("baseline")) options.baseline = baseline_kind_from(fields.text("baseline"));
-  if (error) return tl::unexpected(*error);
-  return options;
-}
-
-Result<AnalysisOptions> analysis_options(const JobSpec& spec, std::optional<BaselineKind> baseline) {
+Result<AnalysisOptions> analysis_options(const JobSpec& spec) {
   AnalysisOptions options;
-  options.baseline = baseline;
   if (spec.reference_json) {
     auto reference = parse_json(*spec.reference_json).and_then(reference_from_json);
     if (!reference) return tl::unexpected(reference.error());
@@ -116,22 +98,22 @@ std::string residuals_of(SessionAnalysis& session) {
 
 }  // namespace
 
-Result<NewAnalysis> run_analysis_job(const JobSpec& spec, const ReportProgress& progress) {
-  const auto asked = job_options(spec.options_json);
-  if (!asked) return tl::unexpected(asked.error());
-  const auto options = analysis_options(spec, asked->baseline);
+Result<NewAnalysis> run_analysis_job(const JobSpec& spec, const StageReport& progress) {
+  const auto mapping = column_mapping_of(spec.options_json);
+  if (!mapping) return tl::unexpected(mapping.error());
+  auto options = analysis_options(spec);
   if (!options) return tl::unexpected(options.error());
 
   std::vector<ReadRecording> recordings;
   for (const JobFile& file : spec.files) {
     const double done = static_cast<double>(recordings.size()) / static_cast<double>(spec.files.size());
-    progress(0.5 * done, fmt::format("reading {}", file.name));
-    auto read = read_file(file, spec.labels, asked->mapping);
+    report_stage(progress, kRead * done, fmt::format("reading {}", file.name));
+    auto read = read_file(file, spec.labels, *mapping);
     if (!read) return tl::unexpected(read.error());
     recordings.push_back(std::move(*read));
   }
-  progress(0.5, "analysing");
-  auto session = analyze_session(std::move(recordings), *options, asked->mapping);
+  options->report = report_part(progress, kRead, 1);
+  auto session = analyze_session(std::move(recordings), *options, *mapping);
   if (!session) return tl::unexpected(session.error());
   return NewAnalysis{.engine_version = VALVETRIAGE_VERSION,
                      .settings_sha256 = session->document["engine"]["settings_sha256"].get<std::string>(),

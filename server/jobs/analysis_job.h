@@ -8,6 +8,6 @@ namespace valvetriage {
 ///
 /// Errors  those of reading and of `analyze_session`, final; a file that cannot be opened now is a passing fault
 /// Cost    seconds and hundreds of megabytes for the largest session: run it in a process of its own
-Result<NewAnalysis> run_analysis_job(const JobSpec& spec, const ReportProgress& progress);
+Result<NewAnalysis> run_analysis_job(const JobSpec& spec, const StageReport& progress);
 
 }  // namespace valvetriage

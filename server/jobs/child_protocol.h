@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/result.h"
+#include "core/stage.h"
 #include "server/store/store.h"
 #include "server/wire/json.h"
 #include "server/wire/json_fields.h"
@@ -25,7 +26,7 @@ struct JobFile {
 
 /// All that an analysis depends on: the same spec and version give the same result.
 ///
-/// options_json    as the upload asked: column mapping, sample rate, baseline
+/// options_json    as the upload asked: column mapping, sample rate
 /// reference_json, rule_base_json   the documents that serve, absent where there are none
 struct JobSpec {
   std::string job_id{};
@@ -38,12 +39,9 @@ struct JobSpec {
   int reference_version = 0;  ///< as the store numbers it
 };
 
-/// What the child says on its way.
-using ReportProgress = std::function<void(double fraction, std::string_view note)>;
-
 /// The work itself: a spec in, the result to store out. An Error with code `input_fault_passes` (a blob that could not
 /// be read just now) is tried again; any other is bad input, and final.
-using AnalyseJob = std::function<Result<NewAnalysis>(const JobSpec& spec, const ReportProgress& progress)>;
+using AnalyseJob = std::function<Result<NewAnalysis>(const JobSpec& spec, const StageReport& progress)>;
 
 inline constexpr std::string_view kPassingFault = "input_fault_passes";
 

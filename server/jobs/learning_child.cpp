@@ -135,7 +135,8 @@ int run_learning_child() {
     return 1;
   }
   const auto reference = learn_guarded(*learn);
-  const Json answer = reference ? Json{{"reference", to_json(*reference)}} : Json{{"refused", refusal_json(reference.error())}};
+  const Json answer =
+      reference ? Json{{"reference", to_json(*reference)}} : Json{{"refused", refusal_json(reference.error())}};
   fmt::print("{}\n", dump_json(answer));
   return 0;
 }

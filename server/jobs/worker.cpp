@@ -17,6 +17,8 @@ using SteadyTime = std::chrono::steady_clock::time_point;
 
 /// How soon a cancelled job's child is noticed.
 constexpr milliseconds kLookEvery{1'000};
+// Whoever looks at a running job sees a new stage no later.
+constexpr milliseconds kTellNoLaterThan{1'000};
 
 SteadyTime now() {
   return std::chrono::steady_clock::now();
@@ -73,7 +75,10 @@ class LeaseKeeper {
   LeaseKeeper(Store& store, const JobRow& job, std::int64_t lease_ms, std::function<bool()> draining)
       : store_(store), lease_(job.lease()), lease_ms_(lease_ms), draining_(std::move(draining)) {}
 
-  void note(const ChildProgress& progress) { progress_ = progress; }
+  void note(const ChildProgress& progress) {
+    if (progress.note != progress_.note) next_beat_ = std::min(next_beat_, beaten_at_ + kTellNoLaterThan);
+    progress_ = progress;
+  }
   Stop stop() const { return stop_; }
 
   bool keep_going() {
@@ -91,7 +96,8 @@ class LeaseKeeper {
   }
 
   void beat() {
-    next_beat_ = now() + milliseconds(lease_ms_ / 3);
+    beaten_at_ = now();
+    next_beat_ = beaten_at_ + milliseconds(lease_ms_ / 3);
     const auto beaten = store_.heartbeat(lease_, lease_ms_, progress_.fraction, progress_.note);
     if (beaten) {
       confirmed_at_ = now();
@@ -107,7 +113,7 @@ class LeaseKeeper {
   std::function<bool()> draining_;
   ChildProgress progress_;
   Stop stop_ = Stop::kNo;
-  SteadyTime confirmed_at_ = now();
+  SteadyTime confirmed_at_ = now(), beaten_at_ = now();
   SteadyTime next_look_ = now() + kLookEvery;
   SteadyTime next_beat_ = now() + milliseconds(lease_ms_ / 3);
 };

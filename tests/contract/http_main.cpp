@@ -78,7 +78,7 @@ Json analysis_asked_for(const std::optional<std::string>& complaint) {
 }
 
 /// Reads every recording as the real analyser does, so that bad input is found; the result is the schema's example.
-Result<NewAnalysis> read_only_analysis(const JobSpec& spec, const ReportProgress& progress) {
+Result<NewAnalysis> read_only_analysis(const JobSpec& spec, const StageReport& progress) {
   const auto options = parse_json(spec.options_json);
   if (!options) return tl::unexpected(options.error());
   std::string hashes;

@@ -71,6 +71,25 @@ TEST(Analyze, AGoodValveIsGoodAndItsSimulationLeavesTheNoise) {
   EXPECT_NEAR(analysis.simulation.by_level[0].level_a, 1.4, 1e-9);
 }
 
+TEST(Analyze, TellsEachStageAndTheResultIsTheSameWhoeverListens) {
+  std::vector<double> done;
+  std::string words;
+  const auto recordings = test::session({}, kNoise_psi, 900);
+  const auto told = analysed(recordings, {.reference = reference(), .report = [&](double share, std::string_view next) {
+                                            done.push_back(share);
+                                            words += std::string(next) + "; ";
+                                          }});
+  EXPECT_TRUE(std::is_sorted(done.begin(), done.end()));
+  EXPECT_EQ(done.front(), 0);
+  EXPECT_LT(done.back(), 1);
+  EXPECT_EQ(words,
+            "fitting the valve; trying every known cause; measuring the gain on held-out recordings; "
+            "judging the levels; ");
+  const auto silent = analysed(recordings, {.reference = reference()});
+  EXPECT_EQ(told.simulated, silent.simulated);
+  EXPECT_EQ(told.extended, silent.extended);
+}
+
 TEST(Analyze, ASlowValveIsJudgedAgainstThePopulationAndNotAgainstItself) {
   const auto analysis =
       analysed(test::session(slow_valve(), kNoise_psi, 900), {.reference = reference(), .rule_base = rule_base()});

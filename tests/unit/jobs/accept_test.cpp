@@ -39,7 +39,7 @@ TEST_F(Accept, BindsAKeyToEverythingThatWasAsked) {
   others[0].labels.serial = "EFC-2";
   others[1].files[0].name = "b.csv";
   others[2].files[0].test = "sweep";
-  others[3].options_json = R"({"baseline":"self"})";
+  others[3].options_json = R"({"sample_rate_hz":200})";
   others[4].files.push_back(upload("a.csv", "more"));
   others[5].alone = true;
   for (const AcceptRequest& other : others) EXPECT_NE(request_sha256(other), request_sha256(request));

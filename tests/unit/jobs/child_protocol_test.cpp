@@ -13,7 +13,7 @@ TEST(ChildProtocol, GivesTheChildTheSpecAsItIs) {
       .submission_id = "sub_1",
       .files = {{"a \"name\"\n.csv", "ab12", "/data/blobs/ab/ab12", "step", R"({"x":1})"}, {"b", "cd", "/d", {}, "{}"}},
       .labels = test::a_valve("lot-a", "EFC-1"),
-      .options_json = R"({"baseline":"self"})",
+      .options_json = R"({"sample_rate_hz":200})",
       .reference_json = R"({"r":1})",
       .rule_base_json = {},
       .reference_version = 3};

@@ -30,12 +30,16 @@ bool is_confined() {
   return !may_gain && open_files == 0;
 }
 
-Result<NewAnalysis> act(const JobSpec& spec, const ReportProgress& progress) {
+Result<NewAnalysis> act(const JobSpec& spec, const StageReport& progress) {
   const std::string act = Json::parse(spec.options_json).value("do", "succeed");
   if (act == "reject") return tl::unexpected(Error{.code = "not_a_number", .message = "line 3: 'x'", .line = 3});
   if (act == "fault") return fail(std::string(kPassingFault), "the disk was busy");
   if (act == "segv") std::raise(SIGSEGV);
   if (act == "hang") ::pause();
+  if (act == "begin and hang") {
+    progress(0.25, "fitting");
+    ::pause();
+  }
   if (act == "spin") {
     for (volatile int turns = 0;;) (void)turns;
   }

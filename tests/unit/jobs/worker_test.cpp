@@ -99,6 +99,16 @@ TEST_F(Worker, KillsTheChildOfACancelledJobAndKeepsNoResult) {
   EXPECT_EQ(store_->job(job_id)->state, JobState::kCancelled);
 }
 
+TEST_F(Worker, TellsWhatAJobIsAtLongBeforeItsLeaseIsProlonged) {
+  const auto pool = start();
+  const std::string job_id = submit("begin and hang");
+  wait_for(job_id, JobState::kRunning);
+  for (int tick = 0; store_->job(job_id)->progress_note.empty() && tick < 500; ++tick) ::usleep(10'000);
+  EXPECT_EQ(store_->job(job_id)->progress_note, "fitting");
+  EXPECT_DOUBLE_EQ(store_->job(job_id)->progress, 0.25);
+  ASSERT_TRUE(store_->cancel(job_id, "local"));
+}
+
 TEST_F(Worker, HandsARunningJobBackWhenDrainedAndDoesNotCountTheAttempt) {
   auto pool = start();
   const std::string job_id = submit("hang");
