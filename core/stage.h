@@ -5,8 +5,8 @@
 
 namespace valvetriage {
 
-/// Told what a long computation is at: the share that is done (0 to 1, never falling, a guess of its time) and what comes
-/// next, in words for a person. Called by the thread that computes; no result depends on it.
+/// Told what a long computation is at: the share that is done (0 to 1, never falling, a guess of its time) and what
+/// comes next, in words for a person. Called by the thread that computes; no result depends on it.
 using StageReport = std::function<void(double done, std::string_view next)>;
 
 inline void report_stage(const StageReport& report, double done, std::string_view next) {

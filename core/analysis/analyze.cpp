@@ -9,6 +9,7 @@
 
 #include "core/analysis/classify_valve.h"
 #include "core/analysis/outside_reference.h"
+#include "core/analysis/part_to_fit.h"
 #include "core/discrepancy/machine.h"
 #include "core/discrepancy/valve_diagnosis.h"
 #include "core/identify/baseline.h"
@@ -133,9 +134,10 @@ Result<void> require_current(const Reference& reference) {
 }
 
 /// What the simulation gets wrong, into the analysis; the extended model's free runs into `runs` where there is one.
-void diagnose(std::span<const Recording> recordings, const ValveFit& fit, const ValveFitOptions& options,
-              const Reference& reference, const StageReport& report, Analysis& analysis, FreeRuns& runs) {
-  ValveDiagnosis diagnosis = diagnose_valve(recordings, fit,
+Result<void> diagnose(std::span<const Recording> recordings, const PartToFit& part, const ValveFit& fit,
+                      const ValveFitOptions& options, const Reference& reference, const StageReport& report,
+                      Analysis& analysis, FreeRuns& runs) {
+  ValveDiagnosis diagnosis = diagnose_valve(part.recordings, fit,
                                             {.fit = options,
                                              .good_valves = reference.valves,
                                              .causes = reference.causes,
@@ -143,9 +145,28 @@ void diagnose(std::span<const Recording> recordings, const ValveFit& fit, const 
                                              .report = report});
   analysis.discrepancy = std::move(diagnosis.discrepancy);
   analysis.extended_model = std::move(diagnosis.extended_model);
-  if (analysis.discrepancy->causes.empty()) return;
-  runs.extended = std::move(diagnosis.extended);
-  runs.without_cause = std::move(diagnosis.without_cause);
+  if (analysis.discrepancy->causes.empty()) return {};
+  auto extended = on_all_samples(part, std::move(diagnosis.extended), analysis.extended_model, recordings);
+  if (!extended) return tl::unexpected(extended.error());
+  runs.extended = std::move(*extended);
+  const std::size_t causes = diagnosis.without_cause.size();
+  for (std::size_t c = 0; c < causes; ++c) {
+    Model model = analysis.extended_model;  // what was found comes last among its mechanisms
+    model.mechanisms.erase(model.mechanisms.end() - static_cast<std::ptrdiff_t>(causes - c));
+    auto without = on_all_samples(part, std::move(diagnosis.without_cause[c]), model, recordings);
+    if (!without) return tl::unexpected(without.error());
+    runs.without_cause.push_back(std::move(*without));
+  }
+  return {};
+}
+
+std::string part_words(std::span<const Recording> given, const PartToFit& part) {
+  const auto samples = [](std::span<const Recording> recordings) {
+    std::size_t sum = 0;
+    for (const Recording& recording : recordings) sum += recording.samples();
+    return sum;
+  };
+  return fmt::format("; fit and search for causes took {} of the {} samples", samples(part.recordings), samples(given));
 }
 
 Result<FreeRuns> run_reference(std::span<const Recording> recordings, const StageReport& report, Analysis& analysis) {
@@ -165,7 +186,9 @@ Result<FreeRuns> run_reference(std::span<const Recording> recordings, const Stag
   options.reference_psi = reference.model.volume->reference_psi;
   options.prior = prior_of(reference);
   options.usual = usual_mechanisms(reference.model);
-  auto fit = fit_valve(kept, options);
+  const PartToFit part = part_to_fit(kept, reference.sample_period_s);
+  if (!part.is_whole) analysis.baseline.reason += part_words(recordings, part);
+  auto fit = fit_valve(part.recordings, options);
   if (!fit) return tl::unexpected(fit.error());
   analysis.baseline.model =
       to_model(fit->parameters, KnotCurve(options.knots).rising_through(fit->map.output), options.usual);
@@ -174,9 +197,14 @@ Result<FreeRuns> run_reference(std::span<const Recording> recordings, const Stag
   runs.not_comparable = not_comparable(recordings, kept, reference, std::max(kLeastCompared_s, memory_s));
   // A reference learned without the engine's survey of its valves has no scale to name a cause by, and samples that the
   // reference cannot be compared with are no sign of a good valve.
-  if (!reference.causes.empty() && runs.not_comparable.empty())
-    diagnose(kept, *fit, options, reference, report_part(report, kFitted, kDiagnosed), analysis, runs);
-  runs.baseline = std::move(fit->simulated);
+  if (!reference.causes.empty() && runs.not_comparable.empty()) {
+    const StageReport told = report_part(report, kFitted, kDiagnosed);
+    const auto diagnosed = diagnose(kept, part, *fit, options, reference, told, analysis, runs);
+    if (!diagnosed) return tl::unexpected(diagnosed.error());
+  }
+  auto baseline = on_all_samples(part, std::move(fit->simulated), analysis.baseline.model, recordings);
+  if (!baseline) return tl::unexpected(baseline.error());
+  runs.baseline = std::move(*baseline);
   for (const Recording& recording : recordings) {
     auto population = simulate_extended(reference.model, recording, InitialState{});
     if (!population) return tl::unexpected(population.error());

@@ -10,6 +10,7 @@
 #include <set>
 #include <string_view>
 
+#include "core/analysis/part_to_fit.h"
 #include "core/analysis/population_covariance.h"
 #include "core/analysis/usual_mechanisms.h"
 #include "core/discrepancy/valve_diagnosis.h"
@@ -423,8 +424,12 @@ Result<void> check_distinct(std::span<const ValveRecordings> valves) {
 
 }  // namespace
 
-Result<Reference> learn_reference(std::span<const ValveRecordings> valves, const std::string& valve_type,
+Result<Reference> learn_reference(std::span<const ValveRecordings> given, const std::string& valve_type,
                                   const StageReport& report) {
+  std::vector<ValveRecordings> valves;
+  for (const ValveRecordings& valve : given) {
+    valves.push_back({valve.serial, part_to_fit(valve.recordings, 0).recordings});
+  }
   if (valves.size() < static_cast<std::size_t>(kFewestReferenceValves)) {
     return fail("too_few_valves",
                 fmt::format("a reference needs at least {} good valves, here {} {}", kFewestReferenceValves,

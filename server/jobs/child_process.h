@@ -12,12 +12,12 @@ namespace valvetriage {
 
 /// What one child may use. Each bound ends the child alone.
 ///
-/// memory_bytes     address space: a session of the largest accepted size needs a tenth of it
+/// memory_bytes     address space: one recording of ten million rows needs 3 GB, a usual session 60 MB
 /// cpu_s            processor time
 /// wall_ms          from start to end
 /// answer_bytes     of standard output, the result; standard error is cut at `messages_bytes`
 struct ChildLimits {
-  std::int64_t memory_bytes = std::int64_t{2} << 30;
+  std::int64_t memory_bytes = std::int64_t{4} << 30;
   std::int64_t cpu_s = 600;
   std::int64_t wall_ms = 900'000;
   std::size_t answer_bytes = std::size_t{64} << 20;
