@@ -69,8 +69,7 @@ std::vector<InputJump> jumps_of(const Recording& recording, std::size_t stride, 
   for (const Segment& segment : recording.segments) {
     if (segment.kind != SegmentKind::kStep || segment.begin == 0) continue;
     const std::size_t interval = segment.begin - 1;
-    const bool is_known =
-        std::ranges::any_of(jumps, [&](const InputJump& jump) { return jump.interval == interval; });
+    const bool is_known = std::ranges::any_of(jumps, [&](const InputJump& jump) { return jump.interval == interval; });
     if (!is_known) jumps.push_back({.interval = interval, .fraction = 1});
   }
   std::ranges::sort(jumps, {}, &InputJump::interval);
@@ -80,8 +79,7 @@ std::vector<InputJump> jumps_of(const Recording& recording, std::size_t stride, 
     if (interval + 1 >= kept) break;
     const double before = static_cast<double>(jump.interval % stride) + jump.fraction;
     if (!thinned.empty() && thinned.back().interval == interval) thinned.pop_back();
-    thinned.push_back(
-        {.interval = interval, .fraction = before / static_cast<double>(stride), .in_gap = jump.in_gap});
+    thinned.push_back({.interval = interval, .fraction = before / static_cast<double>(stride), .in_gap = jump.in_gap});
   }
   return thinned;
 }
