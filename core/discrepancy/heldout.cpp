@@ -131,8 +131,10 @@ class Refit {
       tried.cost = problem.cost(tried.v, runs);
       for (const Fold& fold : folds) {
         const std::size_t r = fold.recording;
-        tried.cost -= static_cast<double>(problem.stride()) * problem.inverse_variance(r) *
-                      errors_on(problem.recording(r), runs[r].output, fold, rows_[r]).squaredNorm();
+        const Fold whole{r, 0, rows_[r].error.size()};
+        VectorXd errors = errors_on(problem.recording(r), runs[r].output, whole, rows_[r]);
+        problem.whiten(r, rows_[r].sample, problem.stride(), errors);
+        tried.cost -= static_cast<double>(problem.stride()) * errors.segment(fold.first, fold.count).squaredNorm();
       }
       if (!turns_ && tried.cost <= kept) return tried;
       if (share < 1 && !(tried.cost < best.cost)) break;

@@ -28,11 +28,11 @@ LinearisedValve::LinearisedValve(const ValveFitProblem& problem, VectorXd v) : p
 VectorXd LinearisedValve::whitened(std::size_t recording, std::span<const double> simulated) const {
   const auto& samples = rows_[recording].sample;
   const std::vector<double>& own = runs_[recording].output;
-  const double whiten = std::sqrt(problem_.inverse_variance(recording));
   VectorXd column(static_cast<Index>(samples.size()));
   for (std::size_t i = 0; i < samples.size(); ++i) {
-    column(static_cast<Index>(i)) = whiten * (simulated[samples[i]] - own[samples[i]]);
+    column(static_cast<Index>(i)) = simulated[samples[i]] - own[samples[i]];
   }
+  problem_.whiten(recording, samples, problem_.stride(), column);
   return column;
 }
 

@@ -214,12 +214,15 @@ Stack residual_every(const Explanation& explanation, std::size_t stride) {
   for (std::size_t r = 0; r < problem.recordings(); ++r) {
     const Recording& recording = problem.recording(r);
     const std::vector<double> simulated = problem.simulate(explanation.v, r);
-    const double whiten = std::sqrt(problem.inverse_variance(r));
     std::vector<double> kept;
+    std::vector<std::size_t> samples;
     for (std::size_t i = 0; i < simulated.size(); i += stride) {
-      if (recording.is_valid(i)) kept.push_back(whiten * (recording.output.values[i] - simulated[i]));
+      if (!recording.is_valid(i)) continue;
+      kept.push_back(recording.output.values[i] - simulated[i]);
+      samples.push_back(i);
     }
     residual.push_back(Eigen::Map<const VectorXd>(kept.data(), static_cast<Index>(kept.size())));
+    problem.whiten(r, samples, stride, residual.back());
   }
   return residual;
 }

@@ -69,6 +69,13 @@ ValveFitProblem::ValveFitProblem(std::span<const Recording> recordings, const Va
     samples += recording.samples();
     prepared_.push_back(std::move(prepared));
   }
+  const double quantum = input_quantum(recordings);
+  for (Prepared& prepared : prepared_) {
+    prepared.coarse_rests = valvetriage::coarse_rests(*prepared.recording, quantum);
+    for (CoarseRest& rest : prepared.coarse_rests) {
+      rest.variance *= std::pow(usual_slope(prepared.recording->input.values[rest.end - 1]), 2);
+    }
+  }
   stride_ = 1 + samples / kMostRows;
   set_bounds();
   place_laws();
@@ -518,11 +525,49 @@ double ValveFitProblem::squared_error(std::size_t recording, const std::vector<d
   return squares;
 }
 
+double ValveFitProblem::usual_slope(double input) const {
+  const double span = options_.knots.back() - options_.knots.front();
+  if (!options_.prior) return 2 * options_.reference_psi / span;
+  const VectorXd outputs = options_.prior->mean.tail(knots_);
+  return curve_.rising_through({outputs.data(), outputs.data() + knots_}).slope(input);
+}
+
+double ValveFitProblem::weighed_error(std::size_t recording, const std::vector<double>& simulated) const {
+  const Prepared& prepared = prepared_[recording];
+  double squares = squared_error(recording, simulated);
+  for (const CoarseRest& rest : prepared.coarse_rests) {
+    double sum = 0, samples = 0;
+    for (std::size_t i = rest.begin; i < rest.end; ++i) {
+      if (!prepared.recording->is_valid(i)) continue;
+      sum += prepared.recording->output.values[i] - simulated[i];
+      samples += 1;
+    }
+    const double of_noise = rest.variance * prepared.inverse_variance;
+    squares -= of_noise / (1 + samples * of_noise) * sum * sum;
+  }
+  return squares * prepared.inverse_variance;
+}
+
+void ValveFitProblem::whiten(std::size_t recording, std::span<const std::size_t> samples, std::size_t stride,
+                             Eigen::Ref<VectorXd> outputs) const {
+  const Prepared& prepared = prepared_[recording];
+  outputs *= std::sqrt(prepared.inverse_variance);
+  auto first = samples.begin();
+  for (const CoarseRest& rest : prepared.coarse_rests) {
+    first = std::lower_bound(first, samples.end(), rest.begin);
+    const auto last = std::lower_bound(first, samples.end(), rest.end);
+    const auto count = static_cast<Index>(last - first);
+    if (count == 0) continue;
+    const double told =
+        static_cast<double>(count) * static_cast<double>(stride) * rest.variance * prepared.inverse_variance;
+    auto here = outputs.segment(first - samples.begin(), count);
+    here.array() -= (1 - 1 / std::sqrt(1 + told)) * here.mean();
+  }
+}
+
 double ValveFitProblem::cost(const VectorXd& v, std::span<const Run> at_v) const {
   double sum = penalty(v);
-  for (std::size_t r = 0; r < prepared_.size(); ++r) {
-    sum += squared_error(r, at_v[r].output) * prepared_[r].inverse_variance;
-  }
+  for (std::size_t r = 0; r < prepared_.size(); ++r) sum += weighed_error(r, at_v[r].output);
   return sum;
 }
 
@@ -821,18 +866,17 @@ ValveFitProblem::Rows ValveFitProblem::rows(const VectorXd& v, std::size_t recor
     if (measured.is_valid(i)) rows.sample.push_back(i);
   }
   const auto count = static_cast<Index>(rows.sample.size());
-  const double whiten = std::sqrt(prepared_[recording].inverse_variance);
   MatrixXd jacobian = MatrixXd::Zero(count, shared() + own_);
   rows.error.resize(count);
   const auto keep = [&](Index column, const std::vector<double>& change) {
-    for (Index i = 0; i < count; ++i) {
-      jacobian(i, column) = whiten * change[rows.sample[static_cast<std::size_t>(i)]];
-    }
+    for (Index i = 0; i < count; ++i) jacobian(i, column) = change[rows.sample[static_cast<std::size_t>(i)]];
+    whiten(recording, rows.sample, stride_, jacobian.col(column));
   };
   for (Index i = 0; i < count; ++i) {
     const std::size_t at = rows.sample[static_cast<std::size_t>(i)];
-    rows.error(i) = whiten * (measured.output.values[at] - columns.base().output[at]);
+    rows.error(i) = measured.output.values[at] - columns.base().output[at];
   }
+  whiten(recording, rows.sample, stride_, rows.error);
   const auto inward = [&](double at, double step, double upper) { return at + step > upper ? -step : step; };
   std::vector<Columns::Move> moves;
   std::vector<Index> column_of;

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "core/identify/blocked_columns.h"
+#include "core/identify/coarse_rests.h"
 #include "core/identify/knot_curve.h"
 #include "core/identify/spool_rests.h"
 #include "core/identify/valve_fit.h"
@@ -39,6 +40,10 @@ class ValveFitProblem {
   std::size_t recordings() const { return prepared_.size(); }
   const Recording& recording(std::size_t r) const { return *prepared_[r].recording; }
   double inverse_variance(std::size_t r) const { return prepared_[r].inverse_variance; }
+  /// Outputs of a recording at some of its samples, ascending, in units of what is not known of them: noise, and where
+  /// a coarse log leaves the input of a rest open, what all of it may be off by. Each stands for `stride` samples.
+  void whiten(std::size_t recording, std::span<const std::size_t> samples, std::size_t stride,
+              Eigen::Ref<Eigen::VectorXd> outputs) const;
   /// Every how many samples a row of the linearisation stands; its weight in the normal equations.
   std::size_t stride() const { return stride_; }
 
@@ -148,6 +153,7 @@ class ValveFitProblem {
     double noise_variance = 1;
     std::vector<double> rests;  ///< of the measured spool, as `spool_rests`; empty: runs are free
     std::vector<double> half_rests;
+    std::vector<CoarseRest> coarse_rests;  ///< variances of the output
   };
 
   /// The valve's blocks with every law on them.
@@ -169,6 +175,10 @@ class ValveFitProblem {
   template <typename Visitor>
   void for_each_knot_seen(Visitor&& visit) const;
   double squared_error(std::size_t recording, const std::vector<double>& simulated) const;
+  /// The same over its variance, with what whole rests may be off by.
+  double weighed_error(std::size_t recording, const std::vector<double>& simulated) const;
+  /// Change of the output with the input at a rest, of a usual valve.
+  double usual_slope(double input) const;
   StaticMap map_of(const Eigen::VectorXd& v) const;
   struct RunAt {
     const Eigen::VectorXd* v = nullptr;
