@@ -15,8 +15,8 @@ struct CoarseRest {
   double variance = 0;             ///< of the input's unknown offset, its unit squared
 };
 
-/// The spacing of the codes in which the inputs of a valve's recordings are logged, as sweeps show it; 0 where none does:
-/// levels and ramps may have been commanded in equal steps, and what is resampled has no codes.
+/// The spacing of the codes in which the inputs of a valve's recordings are logged, as sweeps show it; 0 where none
+/// does: levels and ramps may have been commanded in equal steps, and what is resampled has no codes.
 double input_quantum(std::span<const Recording> recordings);
 
 /// Rests of a recording and how far off its logged input may be on each. Noise ahead of the rounding shows what lies

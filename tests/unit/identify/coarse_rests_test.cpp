@@ -39,7 +39,8 @@ TEST(CoarseRests, FindTheQuantumOfALogAndNoneInLevelsAndRampsOfATest) {
   EXPECT_NEAR(input_quantum({&coarse, 1}), kQuantum_a, 1e-9);
   EXPECT_EQ(input_quantum({&fine, 1}), 0);
   Recording triangle = fine;
-  for (std::size_t i = 0; i < 4000; ++i) triangle.input.values[i] = 1 + 0.005 * std::abs(100 - static_cast<double>(i % 200));
+  for (std::size_t i = 0; i < 4000; ++i)
+    triangle.input.values[i] = 1 + 0.005 * std::abs(100 - static_cast<double>(i % 200));
   triangle.segments = find_segments(triangle.input.values, triangle.sample_period_s);
   EXPECT_EQ(input_quantum({&triangle, 1}), 0);
 }
