@@ -7,6 +7,7 @@
 
 #include "core/identify/identification.h"
 #include "core/model/linear_filter.h"
+#include "core/recording/segments.h"
 
 namespace valvetriage {
 namespace {
@@ -23,14 +24,6 @@ constexpr double kShortestRolloff = 1.5;    // ratio of frequencies that gives a
 constexpr double kSettledShare = 0.2;       // the end of a hold
 constexpr std::size_t kShortestHold = 50;   // samples: a settled end of ten
 constexpr double kSettledBandwidths = 1.5;  // a hold this many 1/bandwidth long has settled to a percent
-
-bool oscillates(const Recording& recording) {
-  std::size_t moving = 0;
-  for (const Segment& segment : recording.segments) {
-    if (segment.kind == SegmentKind::kSweep) moving += segment.end - segment.begin;
-  }
-  return 2 * moving > recording.samples();
-}
 
 struct Excitation {
   double mean = 0, amplitude = 0;

@@ -63,6 +63,15 @@ std::vector<double> every(const std::vector<double>& values, std::size_t stride,
   return kept;
 }
 
+Channel every(const Channel& channel, std::size_t stride, std::size_t covered) {
+  return {.name = channel.name,
+          .quantity = channel.quantity,
+          .unit = channel.unit,
+          .file_unit = channel.file_unit,
+          .file_unit_scale = channel.file_unit_scale,
+          .values = every(channel.values, stride, covered)};
+}
+
 /// Where the input jumps, from one kept sample to the next: the steps at a sample, and those between two already.
 std::vector<InputJump> jumps_of(const Recording& recording, std::size_t stride, std::size_t kept) {
   std::vector<InputJump> jumps = recording.jumps;
@@ -91,17 +100,12 @@ Recording reduced(const Recording& recording, std::size_t stride, std::size_t co
                  .test_inferred = recording.test_inferred,
                  .start_s = recording.start_s,
                  .sample_period_s = recording.sample_period_s * static_cast<double>(stride),
-                 .input = recording.input,
-                 .output = recording.output,
-                 .side = recording.side,
-                 .input_noise = recording.input_noise,
+                 .input = every(recording.input, stride, covered),
+                 .output = every(recording.output, stride, covered),
+                 .input_noise = {.values = every(recording.input_noise.values, stride, covered),
+                                 .left = recording.input_noise.left},
                  .quality = recording.quality};
-  part.input.values = every(recording.input.values, stride, covered);
-  part.output.values = every(recording.output.values, stride, covered);
-  for (std::size_t s = 0; s < part.side.size(); ++s) {
-    part.side[s].values = every(recording.side[s].values, stride, covered);
-  }
-  part.input_noise.values = every(recording.input_noise.values, stride, covered);
+  for (const Channel& side : recording.side) part.side.push_back(every(side, stride, covered));
   for (std::size_t i = 0; i < part.samples(); ++i) {
     part.time_s.push_back(part.start_s + static_cast<double>(i) * part.sample_period_s);
   }

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/recording/segments.h"
 #include "core/recording/white_noise.h"
 
 namespace valvetriage {
@@ -15,14 +16,6 @@ constexpr double kSameSpacing = 0.02;  // of a quantum: what text rounds
 constexpr double kNextCode = 0.5;      // of the gaps between codes that are seen: more are one quantum where it moves
 // Of a quantum: an error of less than a hundredth of it is no reason to look at rests.
 constexpr double kLeastOfVariance = 1e-4;
-
-bool is_sweep(const Recording& recording) {
-  std::size_t swept = 0;
-  for (const Segment& segment : recording.segments) {
-    if (segment.kind == SegmentKind::kSweep) swept += segment.end - segment.begin;
-  }
-  return 2 * swept > recording.samples();
-}
 
 /// The spacing of the values of one input; 0 where they lie anyhow.
 double quantum_of(const std::vector<double>& input) {
@@ -47,7 +40,7 @@ double quantum_of(const std::vector<double>& input) {
 double input_quantum(std::span<const Recording> recordings) {
   double quantum = 0;
   for (const Recording& recording : recordings) {
-    const double own = is_sweep(recording) ? quantum_of(recording.input.values) : 0;
+    const double own = oscillates(recording) ? quantum_of(recording.input.values) : 0;
     if (own > 0 && (quantum == 0 || own < quantum)) quantum = own;
   }
   return quantum;

@@ -302,4 +302,12 @@ TestKind infer_test(const std::vector<Segment>& segments) {
   return steps > 0 ? TestKind::kStep : TestKind::kOther;
 }
 
+bool oscillates(const Recording& recording) {
+  std::size_t moving = 0;
+  for (const Segment& segment : recording.segments) {
+    if (segment.kind == SegmentKind::kSweep) moving += segment.end - segment.begin;
+  }
+  return 2 * moving > recording.samples();
+}
+
 }  // namespace valvetriage

@@ -29,4 +29,7 @@ std::vector<Segment> find_segments(std::span<const double> input, double sample_
 /// are others.
 TestKind infer_test(const std::vector<Segment>& segments);
 
+/// Whether the input oscillates (sweep, multisine, noise) for most of a recording.
+bool oscillates(const Recording& recording);
+
 }  // namespace valvetriage
