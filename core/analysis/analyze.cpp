@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "core/analysis/classify_valve.h"
+#include "core/analysis/folded_tones.h"
 #include "core/analysis/outside_reference.h"
 #include "core/analysis/part_to_fit.h"
 #include "core/discrepancy/machine.h"
@@ -157,6 +158,8 @@ Result<void> diagnose(std::span<const Recording> recordings, const PartToFit& pa
     if (!without) return tl::unexpected(without.error());
     runs.without_cause.push_back(std::move(*without));
   }
+  unfold_tones(recordings, part, runs.without_cause, analysis.discrepancy->causes, analysis.extended_model,
+               runs.extended);
   return {};
 }
 
@@ -213,9 +216,36 @@ Result<FreeRuns> run_reference(std::span<const Recording> recordings, const Stag
   return runs;
 }
 
+/// What a linear machine can be fitted to: at least one sample must be valid.
+std::vector<Recording> with_valid_samples(std::span<const Recording> recordings) {
+  std::vector<Recording> measured;
+  for (const Recording& recording : recordings) {
+    if (recording.valid_samples() > 0) measured.push_back(recording);
+  }
+  return measured;
+}
+
+/// The free runs of those with valid samples, and of the others what the model makes of their inputs.
+Result<std::vector<std::vector<double>>> runs_of_all(std::vector<std::vector<double>> runs, const Model& model,
+                                                     std::span<const Recording> recordings) {
+  std::vector<std::vector<double>> all;
+  auto next = runs.begin();
+  for (const Recording& recording : recordings) {
+    if (recording.valid_samples() > 0) {
+      all.push_back(std::move(*next++));
+      continue;
+    }
+    auto run = simulate_extended(model, recording, InitialState{});
+    if (!run) return tl::unexpected(run.error());
+    all.push_back(std::move(*run));
+  }
+  return all;
+}
+
 Result<FreeRuns> run_fitted(std::span<const Recording> recordings, Analysis& analysis) {
+  const std::vector<Recording> measured = with_valid_samples(recordings);
   auto fitted =
-      analysis.baseline.kind == BaselineKind::kPaper ? fit_paper_baseline(recordings) : fit_self_baseline(recordings);
+      analysis.baseline.kind == BaselineKind::kPaper ? fit_paper_baseline(measured) : fit_self_baseline(measured);
   if (!fitted) return tl::unexpected(fitted.error());
   analysis.baseline.model = fitted->model;
   FreeRuns runs;
@@ -223,14 +253,11 @@ Result<FreeRuns> run_fitted(std::span<const Recording> recordings, Analysis& ana
     runs.unstable = true;
     return runs;
   }
-  runs.baseline = std::move(fitted->simulated);
+  auto baseline = runs_of_all(std::move(fitted->simulated), fitted->model, recordings);
+  if (!baseline) return tl::unexpected(baseline.error());
+  runs.baseline = std::move(*baseline);
   runs.population = runs.baseline;
   return runs;
-}
-
-bool any_valid(const Recording& recording) {
-  return recording.valid.empty() ||
-         std::any_of(recording.valid.begin(), recording.valid.end(), [](auto valid) { return valid != 0; });
 }
 
 Simulation figures_of(std::span<const Recording> recordings, const FreeRuns& runs) {
@@ -243,12 +270,13 @@ Simulation figures_of(std::span<const Recording> recordings, const FreeRuns& run
     const Recording& recording = recordings[r];
     RecordingFigures figures{
         .name = recording.name, .rmse = kUnknown, .fit_percent = kUnknown, .noise_floor = noise_floor(recording).rms};
-    if (!any_valid(recording)) {
+    if (recording.valid_samples() == 0) {
       simulation.per_recording.push_back(std::move(figures));
       continue;
     }
-    noise_squares += figures.noise_floor * figures.noise_floor * static_cast<double>(recording.samples());
-    samples += static_cast<double>(recording.samples());
+    const auto counted = static_cast<double>(recording.valid_samples());
+    noise_squares += figures.noise_floor * figures.noise_floor * counted;
+    samples += counted;
     if (!runs.unstable) {
       const FitFigures fit = fit_figures(recording.output.values, runs.baseline[r], recording.valid);
       figures.rmse = fit.rmse;
@@ -361,7 +389,7 @@ std::vector<LevelFigures> figures_by_level(std::span<const Recording> recordings
   const double scale = current_scale_of(recordings, baseline);
   for (std::size_t r = 0; r < recordings.size(); ++r) {
     const Recording& recording = recordings[r];
-    if (!any_valid(recording)) continue;
+    if (recording.valid_samples() == 0) continue;
     const auto steps = rising_steps(recording, r);
     if (steps.empty()) continue;
     const double noise = noise_floor(recording).rms;
@@ -434,12 +462,14 @@ std::vector<Recording> without_stand(std::span<const Recording> recordings, cons
 /// What the linear machine gets wrong on its own recordings. Recordings that allow no diagnosis (an output that never
 /// changes, different sample times) have none; the rest of the analysis stands.
 void diagnose_self(std::span<const Recording> recordings, const StageReport& report, Analysis& analysis) {
-  auto diagnosis = diagnose_machine(recordings, {.report = report_part(report, kFitted, 1)});
+  auto diagnosis = diagnose_machine(with_valid_samples(recordings), {.report = report_part(report, kFitted, 1)});
   if (!diagnosis) return;
   analysis.discrepancy = std::move(diagnosis->discrepancy);
   if (diagnosis->extended.empty()) return;
+  auto extended = runs_of_all(std::move(diagnosis->extended), diagnosis->extended_model, recordings);
+  if (!extended) return;
   analysis.extended_model = std::move(diagnosis->extended_model);
-  analysis.extended = std::move(diagnosis->extended);
+  analysis.extended = std::move(*extended);
 }
 
 }  // namespace
@@ -489,7 +519,11 @@ Result<Analysis> analyze(std::span<const Recording> given, const AnalysisOptions
     if (!valve_alone.empty()) {
       auto by_level = figures_by_level(valve_alone, *runs, analysis.baseline, analysis.simulation.window);
       add_bandwidths(analysis.frequency_response, by_level);
-      analysis.classification.without_stand_causes = classified(by_level).verdict;
+      ClassificationResult& result = analysis.classification;
+      result.without_stand_causes = classified(by_level).verdict;
+      // What the stand does is no fault of the valve: it is mended, and the valve is tested again.
+      const bool is_stands_fault = result.without_stand_causes == to_string(Verdict::kGood);
+      if (result.action == "reject" && is_stands_fault) result.action = "retest";
     }
   }
   analysis.simulated = std::move(runs->baseline);

@@ -5,6 +5,7 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <boost/math/distributions/students_t.hpp>
+#include <boost/math/statistics/univariate_statistics.hpp>
 #include <cmath>
 #include <map>
 #include <set>
@@ -295,13 +296,19 @@ Result<void> survey_members(const std::vector<Member>& members, ValveFitOptions 
   for (auto& [cause, values] : evidence) {
     // A cause that did not show in some valves had no evidence there.
     while (values.n < static_cast<int>(used.size())) values.add(0);
+    // Nor any size, where none has a number.
+    const double neutral = find_mechanism(cause)->neutral;
+    while (std::isfinite(neutral) && size[cause].n < static_cast<int>(used.size())) size[cause].add(neutral);
     reference.causes.push_back({.cause = cause,
                                 .evidence_mean = values.mean,
                                 .evidence_sd = values.sd(),
                                 .size_mean = size[cause].mean,
-                                .size_sd = size[cause].sd()});
+                                .size_sd = size[cause].sd(),
+                                .size_valves = size[cause].n});
   }
-  for (const auto& [group, values] : leftover) reference.leftovers.push_back({group, values.mean, values.sd()});
+  for (const auto& [group, values] : leftover) {
+    reference.leftovers.push_back({group, values.mean, values.sd(), values.n});
+  }
   return {};
 }
 
@@ -328,14 +335,10 @@ void describe_recordings(const std::vector<const Member*>& members, Reference& r
       tests.insert(to_string(recording.test));
     }
   }
-  const auto median = [](std::vector<double>& values) {
-    std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
-    return values[values.size() / 2];
-  };
   reference.input_min = span.low_a;
   reference.input_max = span.high_a;
-  reference.sample_period_s = median(periods);
-  reference.noise_floor = median(noises);
+  reference.sample_period_s = boost::math::statistics::median(periods);
+  reference.noise_floor = boost::math::statistics::median(noises);
   reference.tests.assign(tests.begin(), tests.end());
 }
 

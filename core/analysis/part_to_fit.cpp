@@ -127,6 +127,26 @@ std::vector<double> spread(const std::vector<double>& kept, std::size_t stride, 
   return all;
 }
 
+/// A law on a side channel knows it by its place: the same channels in the same places, empty where a recording has
+/// none of that name.
+void line_up_side_channels(std::vector<Recording>& recordings) {
+  std::vector<std::string> names;
+  for (const Recording& recording : recordings) {
+    for (const Channel& channel : recording.side) {
+      if (std::find(names.begin(), names.end(), channel.name) == names.end()) names.push_back(channel.name);
+    }
+  }
+  for (Recording& recording : recordings) {
+    std::vector<Channel> side;
+    for (const std::string& name : names) {
+      const auto own = std::find_if(recording.side.begin(), recording.side.end(),
+                                    [&](const Channel& channel) { return channel.name == name; });
+      side.push_back(own == recording.side.end() ? Channel{.name = name} : std::move(*own));
+    }
+    recording.side = std::move(side);
+  }
+}
+
 }  // namespace
 
 PartToFit part_to_fit(std::span<const Recording> recordings, double period_s, std::size_t most) {
@@ -139,6 +159,7 @@ PartToFit part_to_fit(std::span<const Recording> recordings, double period_s, st
     part.recordings.push_back(is_whole ? recording : reduced(recording, part.stride[r], part.covered[r]));
     part.is_whole = part.is_whole && is_whole;
   }
+  line_up_side_channels(part.recordings);
   return part;
 }
 

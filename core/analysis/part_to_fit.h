@@ -28,7 +28,7 @@ struct PartToFit {
 /// Keeps every n-th sample down to the rate of the reference, for what good valves show is known of so many samples a
 /// second: a tenth of a noise is nothing there and a certain fault in ten times as many. Where more than `most` are
 /// left, keeps fewer, down to 200 Hz; then the first part of the longest recordings. The instant of a step stays where
-/// it was.
+/// it was. Side channels are the same in every recording, in the same order, empty where a recording lacks one.
 ///
 /// period_s  of the reference's recordings [s]; 0: as they are
 /// Cost      O(n)

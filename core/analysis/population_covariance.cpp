@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 namespace valvetriage {
 namespace {
@@ -18,12 +19,15 @@ using Eigen::VectorXd;
 constexpr double kShortest_a = 0.05, kTypical_a = 0.15, kLongest_a = 1;
 // A parameter that happens to agree between a few valves is not known exactly: a thousandth of itself at least.
 constexpr double kLeastSpread = 1e-3;
-constexpr double kLeastKnotSpread_psi = 0.02;
+constexpr double kLeastParameter =
+    1e-3;  // a loop of a milliampere, a delay of a millisecond: none, where all have none
+constexpr double kLeastKnotSpread = 1e-4;  // of the highest output
 // Errors are known to a factor of two at best: they never explain all of what is seen.
 constexpr double kLeastOfVariance = 0.25;
 
-/// Standard deviations of a map's ways to differ, and over which input its local shifts are alike.
-enum Part { kShift, kLocal, kGain, kOffset, kOwn, kLength, kParts };
+/// Standard deviations of a map's ways to differ, over which input its local shifts are alike, and what is left of all
+/// of them where valves are trimmed.
+enum Part { kShift, kLocal, kGain, kOffset, kOwn, kLength, kTrimmed, kParts };
 using Sizes = std::array<double, kParts>;
 
 /// A map's mean with its slopes.
@@ -31,8 +35,18 @@ struct MeanMap {
   VectorXd input, output, slope;
 };
 
-MatrixXd map_covariance(const MeanMap& map, const Sizes& size) {
+/// How maps differ.
+///
+/// trim  the knot at which valves are set alike, none where there is no such
+struct MapSpread {
+  Sizes size{};
+  std::optional<Index> trim{};
+  double log_likelihood = -std::numeric_limits<double>::infinity();
+};
+
+MatrixXd map_covariance(const MeanMap& map, const MapSpread& spread) {
   const Index n = map.output.size();
+  const Sizes& size = spread.size;
   MatrixXd c(n, n);
   for (Index i = 0; i < n; ++i) {
     for (Index j = 0; j < n; ++j) {
@@ -41,8 +55,13 @@ MatrixXd map_covariance(const MeanMap& map, const Sizes& size) {
       c(i, j) = map.slope(i) * map.slope(j) * along + size[kGain] * size[kGain] * map.output(i) * map.output(j) +
                 size[kOffset] * size[kOffset];
     }
-    c(i, i) += size[kOwn] * size[kOwn];
   }
+  if (spread.trim) {
+    // Whatever differs, a screw has brought this point together: the process given that it is there.
+    const VectorXd with_trim = c.col(*spread.trim);
+    c -= with_trim * with_trim.transpose() / (with_trim(*spread.trim) + size[kTrimmed] * size[kTrimmed]);
+  }
+  c.diagonal().array() += size[kOwn] * size[kOwn];
   return c;
 }
 
@@ -54,32 +73,73 @@ double log_likelihood(const MatrixXd& covariance, const MatrixXd& deviations) {
   return -0.5 * whitened.squaredNorm() - static_cast<double>(deviations.cols()) * half_log_determinant;
 }
 
-/// Sizes by maximum likelihood, a coordinate at a time on a finer and finer logarithmic grid.
-Sizes fit_sizes(const MeanMap& map, const MatrixXd& errors, const MatrixXd& deviations, double scale) {
-  const double typical = std::sqrt(deviations.squaredNorm() / static_cast<double>(deviations.size()));
-  const double steep = std::max(map.slope.cwiseAbs().maxCoeff(), 1e-9);
-  const double high = std::max(map.output.cwiseAbs().maxCoeff(), 1e-9);
-  Sizes size{typical / steep, typical / steep, typical / high, 0.3 * typical, 0.3 * typical, kTypical_a * scale};
-  size[kOwn] = std::max(size[kOwn], kLeastKnotSpread_psi);
-  double best = log_likelihood(map_covariance(map, size) + errors, deviations);
-  for (const double factor : {3.0, 3.0, 1.7, 1.7, 1.3, 1.3, 1.1}) {
-    for (int part = 0; part < kParts; ++part) {
-      for (const double by : {factor, 1 / factor}) {
-        for (int times = 0; times < 6; ++times) {
-          Sizes tried = size;
-          tried[static_cast<std::size_t>(part)] *= by;
-          tried[kOwn] = std::max(tried[kOwn], kLeastKnotSpread_psi);
-          tried[kLength] = std::clamp(tried[kLength], kShortest_a * scale, kLongest_a * scale);
-          const double likelihood = log_likelihood(map_covariance(map, tried) + errors, deviations);
-          if (!(likelihood > best + 1e-9)) break;
-          best = likelihood;
-          size = tried;
+/// Finds how maps differ by maximum likelihood, a coordinate at a time on a finer and finer logarithmic grid.
+class SpreadSearch {
+ public:
+  SpreadSearch(const MeanMap& map, const MatrixXd& errors, const MatrixXd& deviations, double scale)
+      : map_(map), errors_(errors), deviations_(deviations), scale_(scale) {}
+
+  MapSpread run() const {
+    MapSpread best = refined(start(), kFactors);
+    MapSpread trimmed;
+    for (Index knot = 0; knot < map_.output.size(); knot += kKnotsBetweenTrims) {
+      MapSpread tried = best;
+      tried.trim = knot;
+      tried = refined(std::move(tried), kCoarseFactors);
+      if (tried.log_likelihood > trimmed.log_likelihood) trimmed = std::move(tried);
+    }
+    if (trimmed.trim) trimmed = refined(std::move(trimmed), kFactors);
+    return trimmed.log_likelihood > best.log_likelihood + kPriceOfATrim ? trimmed : best;
+  }
+
+ private:
+  static constexpr std::array kFactors{3.0, 3.0, 1.7, 1.7, 1.3, 1.3, 1.1};
+  static constexpr std::array kCoarseFactors{3.0, 1.7};
+  static constexpr Index kKnotsBetweenTrims = 5;
+  static constexpr double kPriceOfATrim = 2;  // where it is and how well it is set: Akaike
+
+  MapSpread start() const {
+    const double typical = std::sqrt(deviations_.squaredNorm() / static_cast<double>(deviations_.size()));
+    const double steep = std::max(map_.slope.cwiseAbs().maxCoeff(), 1e-9);
+    MapSpread spread;
+    spread.size = {typical / steep, typical / steep,     typical / highest(), 0.3 * typical,
+                   0.3 * typical,   kTypical_a * scale_, 0.3 * typical};
+    return spread;
+  }
+
+  double highest() const { return std::max(map_.output.cwiseAbs().maxCoeff(), 1e-9); }
+
+  template <std::size_t n>
+  MapSpread refined(MapSpread spread, const std::array<double, n>& factors) const {
+    weigh(spread);
+    for (const double factor : factors) {
+      for (int part = 0; part < (spread.trim ? kParts : kTrimmed); ++part) {
+        for (const double by : {factor, 1 / factor}) {
+          for (int times = 0; times < 6; ++times) {
+            MapSpread tried = spread;
+            tried.size[static_cast<std::size_t>(part)] *= by;
+            weigh(tried);
+            if (!(tried.log_likelihood > spread.log_likelihood + 1e-9)) break;
+            spread = tried;
+          }
         }
       }
     }
+    return spread;
   }
-  return size;
-}
+
+  void weigh(MapSpread& spread) const {
+    spread.size[kOwn] = std::max(spread.size[kOwn], kLeastKnotSpread * highest());
+    spread.size[kTrimmed] = std::max(spread.size[kTrimmed], kLeastKnotSpread * highest());
+    spread.size[kLength] = std::clamp(spread.size[kLength], kShortest_a * scale_, kLongest_a * scale_);
+    spread.log_likelihood = log_likelihood(map_covariance(map_, spread) + errors_, deviations_);
+  }
+
+  const MeanMap& map_;
+  const MatrixXd& errors_;
+  const MatrixXd& deviations_;
+  double scale_;
+};
 
 struct Sample {
   VectorXd mean;
@@ -102,7 +162,7 @@ MatrixXd target_covariance(const Sample& sample, const MatrixXd& errors, Index p
   MatrixXd target = MatrixXd::Zero(p, p);
   const double n = static_cast<double>(sample.deviations.cols());
   for (Index j = 0; j < parameters; ++j) {
-    const double least = kLeastSpread * std::max(std::abs(sample.mean(j)), 1e-6);
+    const double least = kLeastSpread * std::max(std::abs(sample.mean(j)), kLeastParameter);
     const double variance = sample.deviations.row(j).squaredNorm() / (n - 1);
     target(j, j) = std::max({variance - errors(j, j), kLeastOfVariance * variance, least * least});
   }
@@ -114,19 +174,24 @@ MatrixXd target_covariance(const Sample& sample, const MatrixXd& errors, Index p
     map.slope(k) = (map.output(right) - map.output(left)) / (map.input(right) - map.input(left));
   }
   const MatrixXd deviations = sample.deviations.bottomRows(count) * std::sqrt(n / (n - 1));
-  target.bottomRightCorner(count, count) =
-      map_covariance(map, fit_sizes(map, errors.bottomRightCorner(count, count), deviations, scale));
+  const MatrixXd map_errors = errors.bottomRightCorner(count, count);
+  target.bottomRightCorner(count, count) = map_covariance(map, SpreadSearch(map, map_errors, deviations, scale).run());
   return target;
 }
 
 struct LeaveOneOut {
-  double log_likelihood = 0, scale = 1;
+  double log_likelihood = 0;
+  double map_scale = 1;  ///< of standard deviations
 };
 
-/// How well each valve is predicted from the others, the scale of the prediction fitted to it.
-LeaveOneOut leave_one_out(const MatrixXd& vectors, const MatrixXd& target, const MatrixXd& errors, double shrinkage) {
-  const Index n = vectors.cols(), p = vectors.rows();
-  double squares = 0, half_log_determinants = 0;
+/// How well each valve is predicted from the others. The scale of the map's prediction is fitted to that: its few sizes
+/// hang on all of its knots. Of the parameters it would tell nothing, for each variance is that of these very valves.
+LeaveOneOut leave_one_out(const MatrixXd& vectors, const MatrixXd& target, const MatrixXd& errors, Index parameters,
+                          double shrinkage) {
+  const Index n = vectors.cols(), p = vectors.rows(), knots = p - parameters;
+  std::vector<MatrixXd> predicted;
+  std::vector<VectorXd> deviations;
+  double map_squares = 0;
   for (Index i = 0; i < n; ++i) {
     MatrixXd others(p, n - 1);
     others << vectors.leftCols(i), vectors.rightCols(n - 1 - i);
@@ -134,13 +199,22 @@ LeaveOneOut leave_one_out(const MatrixXd& vectors, const MatrixXd& target, const
     MatrixXd c = shrinkage * (target + errors);
     if (n > 2 && shrinkage < 1) c += (1 - shrinkage) * sample.covariance();
     c *= 1 + 1.0 / static_cast<double>(n - 1);
-    const Eigen::LLT<MatrixXd> factor(c);
-    squares += factor.matrixL().solve(vectors.col(i) - sample.mean).squaredNorm();
-    half_log_determinants += factor.matrixLLT().diagonal().array().log().sum();
+    deviations.push_back(vectors.col(i) - sample.mean);
+    const Eigen::LLT<MatrixXd> of_map(c.bottomRightCorner(knots, knots));
+    map_squares += of_map.matrixL().solve(deviations.back().tail(knots)).squaredNorm();
+    predicted.push_back(std::move(c));
   }
-  const double size = static_cast<double>(n * p);
-  const double scale = std::max(1.0, squares / size);
-  return {-0.5 * squares / scale - half_log_determinants - 0.5 * size * std::log(scale), scale};
+  LeaveOneOut result;
+  result.map_scale = std::sqrt(std::max(1.0, map_squares / static_cast<double>(n * knots)));
+  for (Index i = 0; i < n; ++i) {
+    VectorXd unscaled = deviations[static_cast<std::size_t>(i)];
+    unscaled.tail(knots) /= result.map_scale;
+    const Eigen::LLT<MatrixXd> factor(predicted[static_cast<std::size_t>(i)]);
+    result.log_likelihood -= 0.5 * factor.matrixL().solve(unscaled).squaredNorm() +
+                             factor.matrixLLT().diagonal().array().log().sum() +
+                             static_cast<double>(knots) * std::log(result.map_scale);
+  }
+  return result;
 }
 
 }  // namespace
@@ -150,14 +224,17 @@ PopulationCovariance population_covariance(const MatrixXd& vectors, const Matrix
   const Sample sample = sample_of(vectors);
   const MatrixXd target = target_covariance(sample, errors, parameters, knots, scale);
   double best_shrinkage = 1;
-  LeaveOneOut best = leave_one_out(vectors, target, errors, 1);
+  LeaveOneOut best = leave_one_out(vectors, target, errors, parameters, 1);
   for (const double shrinkage : {0.9, 0.7, 0.5, 0.3, 0.15}) {
-    const LeaveOneOut tried = leave_one_out(vectors, target, errors, shrinkage);
+    const LeaveOneOut tried = leave_one_out(vectors, target, errors, parameters, shrinkage);
     if (!(tried.log_likelihood > best.log_likelihood)) continue;
     best = tried;
     best_shrinkage = shrinkage;
   }
-  return {best.scale * ((1 - best_shrinkage) * sample.covariance() + best_shrinkage * target), best.log_likelihood};
+  MatrixXd covariance = (1 - best_shrinkage) * sample.covariance() + best_shrinkage * target;
+  covariance.bottomRows(vectors.rows() - parameters) *= best.map_scale;
+  covariance.rightCols(vectors.rows() - parameters) *= best.map_scale;
+  return {std::move(covariance), best.log_likelihood};
 }
 
 }  // namespace valvetriage

@@ -37,7 +37,7 @@ VectorXd vector_of(const UsualMechanisms& usual) {
 }
 
 UsualMechanisms usual_of(const VectorXd& u, double current_scale) {
-  const double last = 1 - u(kSecondShare) - u(kThirdShare);
+  const double last = std::max(0.0, 1 - u(kSecondShare) - u(kThirdShare));  // the others may make up 1 to rounding
   return {.gauge_lag_s = u(kGauge),
           .air_share = u(kAir),
           .loop_shares = {0, u(kSecondShare), u(kThirdShare), last},

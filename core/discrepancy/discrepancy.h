@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <limits>
 #include <map>
 #include <optional>
 #include <string>
@@ -54,7 +55,7 @@ enum class CandidateStatus { kTested, kNotExcited, kNotIdentifiable };
 struct Candidate {
   std::string cause;
   double probability = 0;
-  double rmse_heldout = 0;
+  double rmse_heldout = std::numeric_limits<double>::quiet_NaN();  ///< NaN where it was not measured
   CandidateStatus status = CandidateStatus::kTested;
   std::string reason;
   std::map<std::string, double> upper_limit95;  ///< parameter → largest value that the data do not exclude

@@ -66,7 +66,7 @@ Evidence Evidence::at_most(double reduction) const {
   return {std::min(value, most), std::min(exact, most), freedoms};
 }
 
-Evidence consistent_evidence(const Stack& before, const Stack& after, double reduction, double weight, Index slowest) {
+Evidence consistent_evidence(const Stack& before, const Stack& after, double reduction, Index slowest) {
   double energy = 0, closed = 0;
   for (std::size_t r = 0; r < before.size(); ++r) {
     energy += (before[r] - after[r]).squaredNorm();
@@ -91,13 +91,13 @@ Evidence consistent_evidence(const Stack& before, const Stack& after, double red
     scatter = squares;
     freedoms = 3 * squares * squares / fourths * std::pow(squares / (squares - energy), 2);
   }
-  const double of_samples = scatter > 0 ? weight * energy * energy / scatter : 0;
-  const double owed_to_prior = std::max(0.0, reduction - weight * std::max(0.0, closed));
+  const double of_samples = scatter > 0 ? energy * energy / scatter : 0;
+  const double owed_to_prior = std::max(0.0, reduction - std::max(0.0, closed));
   // The samples hardly change: the law does what the valve's own parameters did, and only their distance from good
   // valves' speaks for it. How far that scatters, with whatever the simulation gets wrong, the good valves have told.
-  if (weight * energy < kBystanders * reduction) return {owed_to_prior, owed_to_prior};
+  if (energy < kBystanders * reduction) return {owed_to_prior, owed_to_prior};
   if (owed_to_prior <= of_samples) return {of_samples + owed_to_prior, owed_to_prior, freedoms};
-  const double together = reduction * reduction / (weight * scatter + std::max(0.0, reduction - weight * energy));
+  const double together = reduction * reduction / (scatter + std::max(0.0, reduction - energy));
   return {together, 0, freedoms};
 }
 

@@ -42,16 +42,15 @@ struct Evidence {
 /// (Bell and McCaffrey, Survey Methodology 28 (2002) 169; its freedoms by Satterthwaite, of the part beyond white
 /// noise).
 ///
-/// reduction  of the whole cost, of the samples that the rows stand for
-/// weight     samples that one row stands for
-/// slowest    rows over which the signature changes slowest, if that is more than the largest block: shorter ones take
+/// reduction  of the whole cost
+/// slowest    samples over which the signature changes slowest, if that is more than the largest block: shorter ones
+/// take
 ///            the swing of a slow residual for scatter that averages out
 /// returns    T, and what the reduction owes to the prior rather than to the residual: no noise in that. Where this is
 ///            the greater part, the samples that moved the valve away from the prior speak for it as well, and as
 ///            noisily: R² / (Σ_b (s_b·after_b)² + R − Σ_b s_b·s_b), R the reduction, the prior as data of its own
 ///            variance. Where the samples hardly change, the prior's part alone
-Evidence consistent_evidence(const Stack& before, const Stack& after, double reduction, double weight,
-                             Eigen::Index slowest = 0);
+Evidence consistent_evidence(const Stack& before, const Stack& after, double reduction, Eigen::Index slowest = 0);
 
 /// Two explanations that both may be wrong, compared block by block: Vuong, Econometrica 57 (1989) 307.
 struct Contrast {

@@ -101,7 +101,7 @@ class Refit {
     MatrixXd a = normal_.a - left_out.a;
     const VectorXd b = normal_.b - left_out.b;
     // A recording left out whole keeps the initial state that its own first samples gave.
-    a.diagonal().array() += 1e-9 * normal_.a.diagonal().array() + 1e-12 * normal_.a.diagonal().maxCoeff();
+    for (Index j = 0; j < a.rows(); ++j) a(j, j) += normal_.a(j, j) > 0 ? 1e-9 * normal_.a(j, j) : 1;
     const VectorXd step = bounded_step(a, b);
     double squares = 0;
     VectorXd moved = step;
@@ -109,7 +109,7 @@ class Refit {
       if (is_whole(fold)) moved.segment(problem.own_at(fold.recording), problem.own()).setZero();
       squares += rows_[fold.recording].error.segment(fold.first, fold.count).squaredNorm();
     }
-    const double kept = explanation_.cost - static_cast<double>(problem.stride()) * squares;
+    const double kept = explanation_.cost - squares;
     if (!explanation_.laws.empty()) return as_far_as_it_lowers(moved, folds, kept);
     const double change = step.dot(a * step) - 2 * b.dot(step);
     return {problem.clamped(explanation_.v + moved), kept + change};
@@ -118,8 +118,9 @@ class Refit {
  private:
   bool is_whole(const Fold& fold) const { return fold.count == rows_[fold.recording].error.size(); }
 
-  /// A law is linear over a short way only: a whole step may lead past the minimum, along a direction in which a law
-  /// and the map stand for each other far past it, and for a phase that turns with the level nearly always.
+  /// A law is linear over a short way only, and so is a valve where the fit leaves much of what is measured: a whole
+  /// step may lead past the minimum, along a direction in which a law and the map stand for each other far past it, and
+  /// for a phase that turns with the level nearly always.
   ///
   /// kept  cost of the samples that were kept, before the step
   Without as_far_as_it_lowers(const VectorXd& step, std::span<const Fold> folds, double kept) const {
@@ -133,8 +134,8 @@ class Refit {
         const std::size_t r = fold.recording;
         const Fold whole{r, 0, rows_[r].error.size()};
         VectorXd errors = errors_on(problem.recording(r), runs[r].output, whole, rows_[r]);
-        problem.whiten(r, rows_[r].sample, problem.stride(), errors);
-        tried.cost -= static_cast<double>(problem.stride()) * errors.segment(fold.first, fold.count).squaredNorm();
+        problem.whiten(r, rows_[r].sample, errors);
+        tried.cost -= errors.segment(fold.first, fold.count).squaredNorm();
       }
       if (!turns_ && tried.cost <= kept) return tried;
       if (share < 1 && !(tried.cost < best.cost)) break;
@@ -263,12 +264,14 @@ MatrixXd box_states(const Explanation& baseline, std::size_t r, const ValveFitPr
 double black_box_squares(const Explanation& baseline, const Refit& before, const std::vector<Fold>& folds,
                          const std::vector<VectorXd>& errors) {
   std::vector<MatrixXd> terms;
+  std::vector<VectorXd> own_errors;  // where the box learns, of the baseline as it is
   Index total = 0, states = 0;
   for (std::size_t r = 0; r < before.rows().size(); ++r) {
     const MatrixXd remembered = box_states(baseline, r, before.rows()[r]);
     states = remembered.cols();
     terms.push_back(polynomials(remembered));
     total += terms.back().rows();
+    own_errors.push_back(errors_on(*baseline.problem, baseline.v, {r, 0, terms[r].rows()}, before.rows()[r]));
   }
   const Index step = std::max<Index>(1, total / kBoxRows);
   const Index width = terms.front().cols();
@@ -278,15 +281,14 @@ double black_box_squares(const Explanation& baseline, const Refit& before, const
   };
   const auto normal_of = [&](const Fold& part) {
     Normal normal{MatrixXd::Zero(width, width), VectorXd::Zero(width)};
-    const double whiten = std::sqrt(baseline.problem->inverse_variance(part.recording));
     const MatrixXd& own = terms[part.recording];
-    const VectorXd& error = before.rows()[part.recording].error;
+    const VectorXd& error = own_errors[part.recording];
     const Index count = (part.count + step - 1) / step;
     MatrixXd thinned(count, width);
     VectorXd residual(count);
     for (Index i = 0; i < count; ++i) {
       thinned.row(i) = own.row(part.first + i * step);
-      residual(i) = error(part.first + i * step) / whiten;
+      residual(i) = error(part.first + i * step);
     }
     normal.square.noalias() = thinned.transpose() * thinned;
     normal.right.noalias() = thinned.transpose() * residual;

@@ -78,7 +78,7 @@ class Search {
 
   std::vector<double> clamped(std::vector<double> parameters) const {
     for (std::size_t j = 0; j < parameters.size(); ++j) {
-      const std::size_t k = std::min(j, index_of_law(j));
+      const std::size_t k = index_of_law(j);
       parameters[j] = std::clamp(parameters[j], law_.lower[k], law_.upper[k]);
     }
     return parameters;
@@ -273,13 +273,15 @@ void try_in_place_of_own(Search& search, const LinearisedValve& fit, const std::
     if (search.clamped(parameters) != parameters) continue;
     const VectorXd moved = fit.at() + fit.shift_without(times(effect, share));
     const double verified = fit.cost() - search.cost(moved, parameters);
-    if (!(verified > found.verified) && part < 1) continue;
+    // What has been simulated is kept unless this does better; a mere forecast gives way to this one.
+    if (!(verified > found.verified) && (part < 1 || found.verified > 0)) continue;
     found.parameters = found.shape = parameters;
     found.reduction = promise;
     found.baseline = moved;
     found.residual = search.residual(moved, parameters);
     found.verified = std::max(verified, 0.0);
-    found.consistent_verified = consistent_evidence(fit.error(), found.residual, found.verified, fit.weight());
+    found.consistent_verified = consistent_evidence(fit.error(), found.residual, found.verified,
+                                                    slowest_rows(fit.problem(), found.law, parameters));
     found.consistent_reduction = {promise, promise};
     if (verified > 0.5 * promise) break;
   }
@@ -300,10 +302,6 @@ LawFit nothing_found(const LinearisedValve& fit, const LawInFit& law, const Sear
   }
   return nothing;
 }
-
-}  // namespace
-
-namespace {
 
 /// Down from one start.
 Point descended(Search& search, const LinearisedValve& fit, const Mechanism& law, Point point, int most_steps) {
@@ -352,8 +350,7 @@ std::optional<LawFit> search_from_starts(Search& search, const LinearisedValve& 
                .baseline = fit.at() + fit.shift_without(point->effect),
                .residual = fit.residual_without(point->effect)};
   const Index slowest = slowest_rows(fit.problem(), law, found.parameters);
-  found.consistent_reduction =
-      consistent_evidence(fit.residual_alone(), found.residual, found.reduction, fit.weight(), slowest);
+  found.consistent_reduction = consistent_evidence(fit.residual_alone(), found.residual, found.reduction, slowest);
   // A law that the valve could absorb shows a false gain where the valve's moves are only linear: simulate them.
   for (const double share : {1.0, 0.5}) {
     std::vector<double> parameters = found.parameters;
@@ -365,7 +362,7 @@ std::optional<LawFit> search_from_starts(Search& search, const LinearisedValve& 
     if (verified > found.verified) {
       found.verified = verified;
       found.consistent_verified =
-          consistent_evidence(fit.error(), search.residual(moved, parameters), verified, fit.weight(), slowest);
+          consistent_evidence(fit.error(), search.residual(moved, parameters), verified, slowest);
     }
     if (found.verified > 0.5 * found.reduction) break;
   }
@@ -394,7 +391,7 @@ Index slowest_rows(const ValveFitProblem& problem, const LawInFit& law, const st
     if (mechanism.cause == "periodic_disturbance") samples = 1 / (parameters.front() * recording.sample_period_s);
     slowest = std::max(slowest, samples);
   }
-  return static_cast<Index>(std::ceil(slowest / static_cast<double>(problem.stride())));
+  return static_cast<Index>(std::ceil(slowest));
 }
 
 std::optional<double> upper_limit95(const LinearisedValve& fit, const ValveFitOptions& options, const LawFit& law,
@@ -420,7 +417,10 @@ std::optional<double> upper_limit95(const LinearisedValve& fit, const ValveFitOp
   if (!(power > kLeastEffect)) return std::nullopt;
   const double likeliest = std::max(0.0, fit.against_error(shape) / power);
   const double least = -likeliest * likeliest * power;
-  const double allowed = kOneSided95 * kOneSided95 * inflation;
+  // The colour of the noise makes samples tell less, not the population: what it knows is exact.
+  const double by_samples = fit.told_by_samples(shape);
+  const double tempered = by_samples / inflation + (power - by_samples);
+  const double allowed = kOneSided95 * kOneSided95 * power / tempered;
   const auto is_within = [&](double share) {
     const double size = size_of(share);
     return size >= law.law.lower[at] && size <= law.law.upper[at];

@@ -35,12 +35,13 @@ struct LawFit {
 std::optional<LawFit> search_law(const LinearisedValve& fit, const ValveFitOptions& options, const LawInFit& law,
                                  const std::vector<std::vector<double>>& starts, int most_steps, double worthwhile);
 
-/// Rows over which a law's signature changes slowest: the period of a tone, the longest recording for a drift that all
-/// of them share, 0 for laws that act where the input moves or in one recording.
+/// Samples over which a law's signature changes slowest: the period of a tone, the longest recording for a drift that
+/// all of them share, 0 for laws that act where the input moves or in one recording.
 Eigen::Index slowest_rows(const ValveFitProblem& problem, const LawInFit& law, const std::vector<double>& parameters);
 
 /// The size farthest from none that the data do not exclude with 95 %: where the cost, everything the valve can absorb
-/// taken off, is 2.71 tempered noise variances above its least (one-sided; Wilks, Ann. Math. Statist. 9 (1938) 60),
+/// taken off, is 2.71 noise variances above its least (one-sided; Wilks, Ann. Math. Statist. 9 (1938) 60), the samples'
+/// part of it tempered,
 /// `size_sd` of good valves added in quadrature.
 ///
 /// inflation  of the noise by its colour, ≥ 1

@@ -86,16 +86,18 @@ Leftover leftover_of(const LinearisedValve& linear, const ValveDiagnosisOptions&
   }
   for (const LeftoverGroup& group : std::span(all_groups).subspan(1)) {
     const auto good = on_good_valves(group);
-    if (!std::isfinite(group.log_ratio) || good == options.leftovers.end() || options.good_valves < 2) continue;
+    if (!std::isfinite(group.log_ratio) || good == options.leftovers.end()) continue;
+    const int valves = good->valves.value_or(options.good_valves);
+    if (valves < 2) continue;
     ++groups;
     // ln of a mean of n squares scatters by √(2/n) in itself.
     const double own = std::sqrt(2.0 / group.blocks);
     const double between = good->sd * good->sd, within = own * own;
-    const double sd = std::sqrt((between + within) * (1 + 1.0 / options.good_valves));
+    const double sd = std::sqrt((between + within) * (1 + 1.0 / valves));
     const double t = (group.log_ratio - good->mean) / sd;
     // Freedoms of a sum of variances: Satterthwaite, Biometrics Bulletin 2 (1946) 110.
-    const double freedoms = std::pow(between + within, 2) /
-                            (between * between / (options.good_valves - 1) + within * within / group.blocks);
+    const double freedoms =
+        std::pow(between + within, 2) / (between * between / (valves - 1) + within * within / group.blocks);
     const boost::math::students_t student(freedoms);
     const double p = boost::math::cdf(boost::math::complement(student, t));
     if (p < 0.01) {
@@ -120,7 +122,7 @@ double noise_cost(const Explanation& explanation) {
     const std::vector<double> simulated = problem.simulate(explanation.v, r);
     for (std::size_t i = 0; i < simulated.size(); ++i) left.output.values[i] -= simulated[i];
     const double variance = std::pow(noise_floor(left).rms, 2) * problem.inverse_variance(r);
-    cost += static_cast<double>(left.samples()) * std::min(variance, 1.0);
+    cost += static_cast<double>(left.valid_samples()) * std::min(variance, 1.0);
   }
   return std::min(cost, explanation.cost);
 }

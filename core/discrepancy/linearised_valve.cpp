@@ -1,5 +1,6 @@
 #include "core/discrepancy/linearised_valve.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace valvetriage {
@@ -15,14 +16,40 @@ LinearisedValve::LinearisedValve(const ValveFitProblem& problem, VectorXd v) : p
     rows_.push_back(problem.rows(v_, r));
     error_.push_back(rows_.back().error);
     problem.accumulate(rows_.back(), 0, rows_.back().error.size(), r, normal_);
-    samples_ += weight() * static_cast<double>(rows_.back().error.size());
+    samples_ += static_cast<double>(rows_.back().error.size());
   }
+  by_samples_ = normal_.a;
   problem.add_penalty(v_, normal_);
-  // A recording that says nothing about a knot leaves a zero on the diagonal where there is no prior.
-  normal_.a.diagonal().array() += 1e-12 * normal_.a.diagonal().maxCoeff();
+  // A recording that says nothing about a knot leaves a zero on the diagonal where there is no prior. Each entry by
+  // itself: what a population knows to a millionth would stiffen everything beside it.
+  for (double& diagonal : normal_.a.diagonal()) diagonal = diagonal > 0 ? (1 + 1e-12) * diagonal : 1;
   factor_.compute(normal_.a);
   newton_ = factor_.solve(normal_.b);
+  hold_at_bounds();
   cost_ = problem.cost(v_);
+}
+
+void LinearisedValve::hold_at_bounds() {
+  for (Index found = -1;;) {
+    found = -1;
+    for (Index j = 0; j < problem_.baseline_size() - problem_.knots() && found < 0; ++j) {
+      const bool is_held = std::find(held_.begin(), held_.end(), j) != held_.end();
+      if (!is_held && problem_.is_at_bound(v_, j) && problem_.leaves_bounds(v_, j, newton_(j))) found = j;
+    }
+    if (found < 0) return;
+    held_.push_back(found);
+    normal_.a.row(found).setZero();
+    normal_.a.col(found).setZero();
+    normal_.a(found, found) = 1;
+    normal_.b(found) = 0;
+    factor_.compute(normal_.a);
+    newton_ = factor_.solve(normal_.b);
+  }
+}
+
+VectorXd LinearisedValve::errors(double inflation) const {
+  const MatrixXd spread = factor_.solve(factor_.solve(by_samples_).transpose());
+  return (inflation * spread.diagonal().array().max(0.0)).sqrt();
 }
 
 VectorXd LinearisedValve::whitened(std::size_t recording, std::span<const double> simulated) const {
@@ -32,7 +59,7 @@ VectorXd LinearisedValve::whitened(std::size_t recording, std::span<const double
   for (std::size_t i = 0; i < samples.size(); ++i) {
     column(static_cast<Index>(i)) = simulated[samples[i]] - own[samples[i]];
   }
-  problem_.whiten(recording, samples, problem_.stride(), column);
+  problem_.whiten(recording, samples, column);
   return column;
 }
 
@@ -50,13 +77,14 @@ std::vector<LinearisedValve::Signature> LinearisedValve::signatures(std::vector<
     for (std::size_t i = 0; i < seen.size(); ++i) {
       there.col(static_cast<Index>(i)) = columns[static_cast<std::size_t>(seen[i])][r];
     }
-    const MatrixXd local = weight() * rows_[r].jacobian.transposed_times(0, there);
+    const MatrixXd local = rows_[r].jacobian.transposed_times(0, there);
     for (std::size_t i = 0; i < seen.size(); ++i) {
       loads.col(seen[i]).head(shared) += local.col(static_cast<Index>(i)).head(shared);
       loads.col(seen[i]).segment(problem_.own_at(r), problem_.own()) +=
           local.col(static_cast<Index>(i)).tail(problem_.own());
     }
   }
+  for (const Index j : held_) loads.row(j).setZero();
   const MatrixXd absorbed = factor_.solve(loads);
   std::vector<Signature> signatures;
   for (Index k = 0; k < count; ++k) {
@@ -73,13 +101,19 @@ LinearisedValve::Signature LinearisedValve::signature(Stack column) const {
 
 double LinearisedValve::product(const Signature& a, const Signature& b) const {
   double sum = -a.load.dot(b.absorbed);
-  for (std::size_t r = 0; r < rows_.size(); ++r) sum += weight() * a.column[r].dot(b.column[r]);
+  for (std::size_t r = 0; r < rows_.size(); ++r) sum += a.column[r].dot(b.column[r]);
   return sum;
+}
+
+double LinearisedValve::told_by_samples(const Signature& a) const {
+  double squares = 0;
+  for (const VectorXd& left : moved(a.column, a.absorbed)) squares += left.squaredNorm();
+  return std::min(squares, product(a, a));
 }
 
 double LinearisedValve::against_error(const Signature& a) const {
   double sum = -a.load.dot(newton_);
-  for (std::size_t r = 0; r < rows_.size(); ++r) sum += weight() * a.column[r].dot(error_[r]);
+  for (std::size_t r = 0; r < rows_.size(); ++r) sum += a.column[r].dot(error_[r]);
   return sum;
 }
 

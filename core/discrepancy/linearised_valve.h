@@ -28,10 +28,12 @@ class LinearisedValve {
   const Eigen::VectorXd& at() const { return v_; }
   const Stack& error() const { return error_; }  ///< whitened residual
   const std::vector<ValveFitProblem::Rows>& rows() const { return rows_; }
-  const ValveFitProblem::Normal& normal() const { return normal_; }
-  double weight() const { return static_cast<double>(problem_.stride()); }  ///< samples that one row stands for
   double samples() const { return samples_; }
   double cost() const { return cost_; }  ///< of the fit, simulated
+
+  /// Standard errors of the fit's vector by the noise of the samples, so many times as much of it as if it were white.
+  /// What the prior alone holds has none.
+  Eigen::VectorXd errors(double inflation) const;
 
   /// A free run's difference from this fit's own, whitened at the rows.
   Eigen::VectorXd whitened(std::size_t recording, std::span<const double> simulated) const;
@@ -49,6 +51,8 @@ class LinearisedValve {
   /// Of several columns at once: the sensitivities are read once for all of them.
   std::vector<Signature> signatures(std::vector<Stack> columns) const;
   double product(const Signature& a, const Signature& b) const;
+  /// The part of ⟨a, a⟩ that the samples tell; the rest of it is the prior's.
+  double told_by_samples(const Signature& a) const;
   /// ⟨a, error⟩, the prior's pull included where v is no exact minimum.
   double against_error(const Signature& a) const;
   /// Cost of the baseline's best fit once `taken` has been taken off its error, relative to that of nothing taken.
@@ -61,6 +65,8 @@ class LinearisedValve {
   Eigen::VectorXd shift_without(const Signature& taken) const;
 
  private:
+  /// Holds what lies at a bound and would move beyond it: a fit that cannot go there absorbs nothing that way.
+  void hold_at_bounds();
   /// `left` less what a move of the fit's vector explains.
   Stack moved(Stack left, const Eigen::VectorXd& shift) const;
 
@@ -70,6 +76,8 @@ class LinearisedValve {
   Stack error_;
   std::vector<ValveFitProblem::Run> runs_;
   ValveFitProblem::Normal normal_;
+  Eigen::MatrixXd by_samples_;  ///< normal_.a without the prior
+  std::vector<Eigen::Index> held_;
   Eigen::LDLT<Eigen::MatrixXd> factor_;
   Eigen::VectorXd newton_;  ///< (JᵀJ + Π)⁻¹ b: what one more step of the fit would do
   double samples_ = 0, cost_ = 0;

@@ -380,6 +380,18 @@ NextTest settling_test(std::span<const Recording> recordings, const MachineSearc
   return std::move(planned.told);
 }
 
+/// What is excluded where nothing was found.
+void add_excluded_sizes(const MachineSearch& search, const MachineData& data, const Recording& first,
+                        std::vector<Candidate>& candidates) {
+  for (Candidate& candidate : candidates) {
+    if (candidate.status != CandidateStatus::kTested) continue;
+    const auto score = std::find_if(search.scores.begin(), search.scores.end(),
+                                    [&](const MachineScore& s) { return s.name() == candidate.cause; });
+    if (score == search.scores.end()) continue;
+    candidate.upper_limit95 = excluded_sizes(*score, search.linear, data, first.input.unit, first.output.unit);
+  }
+}
+
 void say_feedback(Discrepancy& discrepancy) {
   for (Candidate& candidate : discrepancy.candidates) {
     if (candidate.cause == "none" || candidate.cause == "unknown") continue;
@@ -421,6 +433,9 @@ Result<MachineDiagnosis> diagnose_machine(std::span<const Recording> recordings,
   discrepancy.findings = residual_findings(data, search.linear);
   discrepancy.candidates = verdict.candidates;
   for (Candidate& candidate : discrepancy.candidates) candidate.rmse_heldout *= scale;
+  if (verdict.conclusion == Conclusion::kNone) {
+    add_excluded_sizes(search, data, recordings.front(), discrepancy.candidates);
+  }
   if (feedback && verdict.conclusion != Conclusion::kAmbiguous) say_feedback(discrepancy);
   DiscrepancyGain& gain = discrepancy.gain;
   gain.heldout = data.heldout;

@@ -96,7 +96,7 @@ BlockComparison compare_blocks(const std::vector<double>& better, const std::vec
   const double t = comparison.log_gain / std::sqrt(squares / (n - 1) / n + 1e-12);
   const boost::math::students_t student(n - 1);
   const double by_size = 2 * boost::math::cdf(boost::math::complement(student, std::max(0.0, t)));
-  comparison.p_value = std::min(1.0, std::min(comparison.p_value, 2 * by_size));
+  comparison.p_value = std::min(1.0, 2 * std::min(comparison.p_value, by_size));
   return comparison;
 }
 

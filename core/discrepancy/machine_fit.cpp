@@ -6,6 +6,8 @@
 #include <limits>
 #include <numeric>
 
+#include "core/identify/spectrum.h"
+
 namespace valvetriage {
 namespace {
 
@@ -17,10 +19,6 @@ constexpr double kRelativeStep = 1e-5;
 constexpr double kConverged = 1e-6;  // relative drop of the squared error that counts as none
 constexpr double kDampingStart = 1e-3;
 constexpr double kMostDamping = 1e8;
-
-struct SearchLimits {
-  SectionLimits sections;
-};
 
 std::size_t longest(const MachineData& data) {
   std::size_t most = 2;
@@ -302,13 +300,11 @@ class Refiner {
 /// How much longer than white a residual's memory makes the variance of a mean: 1 + 2 Σ ρ_k, up to the first ρ below
 /// a tenth.
 double memory_factor(std::span<const double> residual) {
-  double power = 0;
-  for (const double e : residual) power += e * e;
+  if (residual.empty()) return 1;
+  const std::vector<double> products = autocovariance(residual);
   double factor = 1;
-  for (std::size_t lag = 1; lag < residual.size() / 10; ++lag) {
-    double product = 0;
-    for (std::size_t t = lag; t < residual.size(); ++t) product += residual[t] * residual[t - lag];
-    const double rho = product / power;
+  for (std::size_t lag = 1; lag < products.size() / 10; ++lag) {
+    const double rho = products[lag] / products[0];
     if (!(rho > 0.1)) break;
     factor += 2 * rho;
   }
@@ -330,17 +326,6 @@ std::vector<FreeParameter> free_dynamics(const MachineBlock& block, std::size_t 
   for (std::size_t i = 0; i < block.numerator.size(); ++i) free.push_back({index, MachineField::kNumerator, i});
   for (std::size_t i = 0; i < block.feedback.size(); ++i) free.push_back({index, MachineField::kFeedback, i});
   return free;
-}
-
-double gain_at_rest(const std::vector<Section>& sections, const std::vector<double>& weights) {
-  double sum = 0;
-  std::size_t i = 0;
-  for (std::size_t s = sections.size(); s-- > 0 && i < weights.size();) {
-    sum += weights[i++];
-    if (sections[s].order == 2) ++i;
-  }
-  if (i < weights.size()) sum += weights[i];
-  return sum;
 }
 
 std::vector<double> seen_at_rest(const MachineData& data, const std::vector<Section>& sections, std::size_t weights) {

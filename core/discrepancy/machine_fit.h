@@ -45,9 +45,6 @@ using MachineRows = std::vector<std::vector<std::size_t>>;
 /// Every section and coefficient of a linear (or feedback) block as free parameters.
 std::vector<FreeParameter> free_dynamics(const MachineBlock& block, std::size_t index);
 
-/// Gain at rest of weights on a cascade's basis: levels and the input have gain 1, differences none.
-double gain_at_rest(const std::vector<Section>& sections, const std::vector<double>& weights);
-
 double value_of(const Machine& machine, const FreeParameter& parameter);
 void set_value(Machine& machine, const FreeParameter& parameter, double value);
 

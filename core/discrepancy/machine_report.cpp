@@ -288,6 +288,17 @@ std::string per(const std::string& unit, const char* what) {
   return unit.empty() ? std::string() : unit + what;
 }
 
+/// Parameters that say how much of a cause there is, and what they are where there is none.
+constexpr std::array<std::pair<const char*, double>, 9> kSizes{{{"breakaway_A", 0},
+                                                                {"width_A", 0},
+                                                                {"cubic_coefficient", 0},
+                                                                {"curvature", 0},
+                                                                {"fall_to_rise_ratio", 1},
+                                                                {"drift_psi_per_s", 0},
+                                                                {"amplitude_psi", 0},
+                                                                {"coefficient", 0},
+                                                                {"gain_change", 0}}};
+
 }  // namespace
 
 std::vector<std::pair<std::string, ParameterEstimate>> cause_parameters(const std::string& cause,
@@ -370,16 +381,32 @@ bool has_true_stops(const MachineData& data, const MachineFit& fit) {
   return true;
 }
 
+std::map<std::string, double> excluded_sizes(const MachineScore& score, const MachineScore& linear,
+                                             const MachineData& data, const std::string& input_unit,
+                                             const std::string& output_unit) {
+  constexpr double kOneSided95 = 1.645;
+  constexpr double kAsGood = 1.02;  // a fit that has ended farther from the best says nothing of a size
+  std::map<std::string, double> excluded;
+  if (score.causes.size() != 1 || score.fit.failed || score.fit.rms() > kAsGood * linear.fit.rms()) return excluded;
+  double range = 0;
+  for (const MachineRecord& record : data.records) {
+    const auto [low, high] = std::minmax_element(record.input.begin(), record.input.end());
+    range = std::max(range, (*high - *low) * data.input_scale);
+  }
+  const Eigen::MatrixXd covariance = parameter_covariance(data, data.all_rows(), score.fit);
+  for (const auto& [name, estimate] :
+       cause_parameters(score.causes.front(), data, score.fit, covariance, input_unit, output_unit)) {
+    const auto size = std::find_if(kSizes.begin(), kSizes.end(), [&](const auto& s) { return name == s.first; });
+    if (size == kSizes.end() || !(estimate.std_error > 0) || !std::isfinite(estimate.std_error)) continue;
+    const double away = estimate.value < size->second ? -1 : 1;
+    const double limit = estimate.value + away * kOneSided95 * estimate.std_error;
+    const bool is_input = name == "width_A" || name == "breakaway_A";
+    if (!is_input || limit < range) excluded.emplace(name, limit);
+  }
+  return excluded;
+}
+
 bool have_certain_sizes(const std::vector<std::string>& causes, const MachineData& data, const MachineFit& fit) {
-  constexpr std::array<std::pair<const char*, double>, 9> kNone{{{"breakaway_A", 0},
-                                                                 {"width_A", 0},
-                                                                 {"cubic_coefficient", 0},
-                                                                 {"curvature", 0},
-                                                                 {"fall_to_rise_ratio", 1},
-                                                                 {"drift_psi_per_s", 0},
-                                                                 {"amplitude_psi", 0},
-                                                                 {"coefficient", 0},
-                                                                 {"gain_change", 0}}};
   if (data.records.empty()) return true;
   const Eigen::MatrixXd covariance = parameter_covariance(data, data.all_rows(), fit);
   for (const std::string& cause : causes) {
@@ -390,7 +417,7 @@ bool have_certain_sizes(const std::vector<std::string>& causes, const MachineDat
     });
     for (const auto& [name, estimate] : estimates) {
       if (name == "breakaway_A" && felt_in_motion) continue;
-      for (const auto& [size, none] : kNone) {
+      for (const auto& [size, none] : kSizes) {
         if (name == size && estimate.ci95[0] <= none && none <= estimate.ci95[1]) return false;
       }
     }
@@ -485,8 +512,9 @@ std::vector<Finding> residual_findings(const MachineData& data, const MachineSco
        [](const MachineRecord&, const auto& y, std::size_t t) { return y[t]; }},
       {"depends on the level of the input",
        [](const MachineRecord& r, const auto&, std::size_t t) { return r.input[t]; }},
-      {"depends on the time into the recording",
-       [](const MachineRecord& r, const auto&, std::size_t t) { return r.start_s + static_cast<double>(t); }}};
+      {"depends on the time into the recording", [&](const MachineRecord& r, const auto&, std::size_t t) {
+         return r.start_s + static_cast<double>(t) * data.period_s;
+       }}};
   std::vector<double> residual;
   std::vector<std::vector<double>> seen(views.size());
   for (std::size_t r = 0; r < data.records.size(); ++r) {

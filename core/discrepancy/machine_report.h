@@ -1,5 +1,6 @@
 #pragma once
 
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -16,6 +17,13 @@ std::vector<std::pair<std::string, ParameterEstimate>> cause_parameters(const st
                                                                         const Eigen::MatrixXd& covariance,
                                                                         const std::string& input_unit,
                                                                         const std::string& output_unit);
+
+/// Sizes of a single cause that the data exclude, with 95 % one-sided, by the fit of its law: the contract's parameters
+/// that say how much of it there is. Empty where that fit has
+/// ended farther from the data than the linear machine, and for a cause that has no size.
+std::map<std::string, double> excluded_sizes(const MachineScore& score, const MachineScore& linear,
+                                             const MachineData& data, const std::string& input_unit,
+                                             const std::string& output_unit);
 
 /// Whether the interval of each cause's own size leaves out that it has none: a width of 0, a ratio of 1, no curvature.
 /// True for causes whose parameters tell no size.

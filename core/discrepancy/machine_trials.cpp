@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "core/discrepancy/machine_linear.h"
+#include "core/mechanisms/mechanism.h"
 
 namespace valvetriage {
 namespace {
@@ -188,40 +189,6 @@ MachineTrial asymmetric(const MachineGround& g, int order) {
   return trial;
 }
 
-struct CauseEntry {
-  const char* cause;
-  const char* family;
-  const char* origin;
-};
-constexpr std::array<CauseEntry, 23> kCauses{{{"friction", "memory", "valve"},
-                                              {"backlash", "memory", "valve"},
-                                              {"hysteresis", "memory", "valve"},
-                                              {"dead_band", "static", "valve"},
-                                              {"saturation", "static", "either"},
-                                              {"gain_loss", "static", "either"},
-                                              {"static_curve", "static", "valve"},
-                                              {"rectified_sensor", "static", "stand"},
-                                              {"transport_delay", "timing", "either"},
-                                              {"extra_lag", "timing", "valve"},
-                                              {"resonance", "timing", "either"},
-                                              {"rate_limit", "timing", "valve"},
-                                              {"asymmetric_response", "timing", "valve"},
-                                              {"leakage", "flow", "valve"},
-                                              {"orifice_flow", "flow", "either"},
-                                              {"stiffening_spring", "flow", "valve"},
-                                              {"self_oscillation", "disturbance", "valve"},
-                                              {"periodic_disturbance", "disturbance", "stand"},
-                                              {"thermal_drift", "slow", "valve"},
-                                              {"sensor_offset", "slow", "stand"},
-                                              {"sensor_drift", "slow", "stand"},
-                                              {"intermittent", "slow", "either"},
-                                              {"side_input", "slow", "stand"}}};
-
-const CauseEntry* entry_of(const std::string& cause) {
-  const auto* found = std::find_if(kCauses.begin(), kCauses.end(), [&](const auto& e) { return cause == e.cause; });
-  return found == kCauses.end() ? nullptr : found;
-}
-
 /// Orders tried around a law: small ones, and the linear machine's own.
 std::vector<int> law_orders(const MachineGround& g) {
   if (g.one_rate) return {g.linear.front().order};
@@ -308,12 +275,12 @@ std::vector<MachineTrial> single_trials(const MachineData& data, const MachineGr
 }
 
 std::string family_of(const std::string& cause) {
-  const CauseEntry* entry = entry_of(cause);
-  return entry ? entry->family : "";
+  const Mechanism* law = find_mechanism(cause);
+  return law ? std::string(law->family) : "";
 }
 std::string origin_of(const std::string& cause) {
-  const CauseEntry* entry = entry_of(cause);
-  return entry ? entry->origin : "either";
+  const Mechanism* law = find_mechanism(cause);
+  return law ? std::string(law->origin) : "either";
 }
 
 }  // namespace valvetriage

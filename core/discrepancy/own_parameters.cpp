@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <boost/math/distributions/students_t.hpp>
 #include <cmath>
@@ -21,13 +22,27 @@ constexpr Index kParameters = static_cast<Index>(kValveParameters.size());
 constexpr double kLeastLoopSpread_a = 1e-6;
 constexpr double kWorthAFinding = 0.01;
 
+/// How many independent tests as many correlated ones amount to: neighbouring knots say nearly the same thing. By the
+/// eigenvalues of their correlation: Li and Ji, Heredity 95 (2005) 221.
+double independent_tests(const Eigen::MatrixXd& covariance) {
+  const Eigen::VectorXd scale = covariance.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+  const Eigen::MatrixXd correlation = scale.asDiagonal() * covariance * scale.asDiagonal();
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(correlation, Eigen::EigenvaluesOnly);
+  double tests = 0;
+  for (const double eigenvalue : solver.eigenvalues().cwiseMax(0.0)) {
+    tests += (eigenvalue >= 1 ? 1 : 0) + eigenvalue - std::floor(eigenvalue);
+  }
+  return std::max(tests, 1.0);
+}
+
 }  // namespace
 
-OwnParameters own_parameters_of(const Eigen::VectorXd& v, const ValveDiagnosisOptions& options) {
+OwnParameters own_parameters_of(const Eigen::VectorXd& v, const Eigen::VectorXd& errors,
+                                const ValveDiagnosisOptions& options) {
   OwnParameters own;
   if (!options.fit.prior || options.good_valves < 2) return own;
   const ValvePrior& good = *options.fit.prior;
-  const auto tests = static_cast<double>(good.mean.size());
+  const double tests = independent_tests(good.covariance);
   const boost::math::students_t student(options.good_valves - 1);
   Finding of_map;
   for (Index j = 0; j < good.mean.size(); ++j) {
@@ -36,7 +51,7 @@ OwnParameters own_parameters_of(const Eigen::VectorXd& v, const ValveDiagnosisOp
     if (is_parameter && kValveParameters[static_cast<std::size_t>(j)].unit == "A") {
       spread = std::max(spread, kLeastLoopSpread_a);
     }
-    const double t = (v(j) - good.mean(j)) / spread;
+    const double t = (v(j) - good.mean(j)) / std::hypot(spread, errors(j));
     const double p = std::min(1.0, tests * 2 * boost::math::cdf(boost::math::complement(student, std::abs(t))));
     own.p_value = std::min(own.p_value, p);
     if (p >= kWorthAFinding) continue;

@@ -1,6 +1,7 @@
 #include "core/discrepancy/slip_search.h"
 
 #include <algorithm>
+#include <boost/math/statistics/univariate_statistics.hpp>
 #include <cmath>
 #include <optional>
 #include <utility>
@@ -31,12 +32,6 @@ constexpr int kMostFreeRuns = 400;
 
 using Parameters = std::vector<double>;
 
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 /// Breakaway and kinetic force as the slips of slow ramps show them. Up and down weigh alike, for the map may lie
 /// beside its true place.
 std::optional<std::pair<double, double>> forces_shown(const std::vector<Slip>& slips) {
@@ -49,8 +44,8 @@ std::optional<std::pair<double, double>> forces_shown(const std::vector<Slip>& s
       after.push_back(std::abs(slip.after_a));
     }
     if (before.size() < kFewestSlips) return std::nullopt;
-    breakaway += 0.5 * median(before);
-    kinetic += 0.5 * median(after);
+    breakaway += 0.5 * boost::math::statistics::median(before);
+    kinetic += 0.5 * boost::math::statistics::median(after);
   }
   return std::pair(breakaway, kinetic);
 }

@@ -4,7 +4,9 @@
 #include <cmath>
 #include <complex>
 #include <numbers>
-#include <unsupported/Eigen/FFT>
+#include <utility>
+
+#include "core/identify/spectrum.h"
 
 namespace valvetriage {
 namespace {
@@ -22,24 +24,12 @@ constexpr double kFewestInRest = 3;
 // The background of a line: the median over this many bins to either side.
 constexpr std::size_t kBackgroundBins = 24;
 
-/// Eigen's transform is quadratic in large primes: lengths of 2, 3 and 5 alone.
-std::size_t smooth_length(std::size_t least) {
-  for (std::size_t n = least;; ++n) {
-    std::size_t rest = n;
-    for (const std::size_t p : {2u, 3u, 5u}) {
-      while (rest % p == 0) rest /= p;
-    }
-    if (rest == 1) return n;
-  }
-}
-
 /// The whitened residual on the grid of every row, zero where there is none.
 std::vector<double> on_grid(const LinearisedValve& fit, std::size_t r, std::size_t length) {
   std::vector<double> series(length, 0.0);
-  const auto stride = static_cast<std::size_t>(fit.weight());
   const auto& samples = fit.rows()[r].sample;
   for (std::size_t i = 0; i < samples.size(); ++i) {
-    series[samples[i] / stride] = fit.error()[r](static_cast<Index>(i));
+    series[samples[i]] = fit.error()[r](static_cast<Index>(i));
   }
   return series;
 }
@@ -60,12 +50,10 @@ void divide_by_background(std::vector<double>& power) {
 }
 
 /// A spectrum's power over its local background.
-std::vector<double> prominence(std::vector<double> series) {
-  Eigen::FFT<double> transform;
-  std::vector<std::complex<double>> spectrum;
-  transform.fwd(spectrum, series);
+std::vector<double> prominence(const std::vector<double>& series) {
+  const std::vector<std::complex<double>> lines = spectrum(series);
   std::vector<double> power(series.size() / 2);
-  for (std::size_t k = 0; k < power.size(); ++k) power[k] = std::norm(spectrum[k]);
+  for (std::size_t k = 0; k < power.size(); ++k) power[k] = std::norm(lines[k]);
   divide_by_background(power);
   return power;
 }
@@ -118,13 +106,14 @@ std::vector<double> input_at_rest(const Recording& recording, std::size_t length
 }
 
 /// Least squares of a sine and a cosine in each recording.
-void fit_phases(const LinearisedValve& fit, double sample_period_s, Tone& tone) {
+void fit_phases(const LinearisedValve& fit, Tone& tone) {
   double squares = 0;
   for (std::size_t r = 0; r < fit.error().size(); ++r) {
     double ss = 0, sc = 0, cc = 0, se = 0, ce = 0;
     const double whiten = std::sqrt(fit.problem().inverse_variance(r));
+    const double period_s = fit.problem().recording(r).sample_period_s;
     for (std::size_t i = 0; i < fit.rows()[r].sample.size(); ++i) {
-      const double t = static_cast<double>(fit.rows()[r].sample[i]) * sample_period_s;
+      const double t = static_cast<double>(fit.rows()[r].sample[i]) * period_s;
       const double s = std::sin(2 * std::numbers::pi * tone.frequency_hz * t);
       const double c = std::cos(2 * std::numbers::pi * tone.frequency_hz * t);
       const double e = fit.error()[r](static_cast<Index>(i)) / whiten;
@@ -145,6 +134,7 @@ struct Rest {
   std::vector<double> power;       ///< chi-square of 2 in white noise
   std::vector<double> prominence;  ///< power over that of its neighbours
   double samples = 0;
+  double noise_squares = 0;  ///< over all of them, unit of the output squared
 };
 
 // A rest begins to tell this long after the step, and must last this much longer.
@@ -156,7 +146,6 @@ std::vector<Rest> rests_of(const LinearisedValve& fit, double range, double samp
   std::vector<Rest> rests;
   const auto settling = static_cast<std::size_t>(kSettling_s / sample_period_s);
   const auto shortest = static_cast<std::size_t>(kShortestRest_s / sample_period_s);
-  Eigen::FFT<double> transform;
   for (std::size_t r = 0; r < fit.error().size(); ++r) {
     const Recording& recording = fit.problem().recording(r);
     if (recording.sample_period_s != sample_period_s) continue;
@@ -172,8 +161,7 @@ std::vector<Rest> rests_of(const LinearisedValve& fit, double range, double samp
       }
       std::vector<double> series(length, 0.0);
       for (std::size_t i = begin; i < end; ++i) series[i - begin] = error[i] - mean;
-      std::vector<std::complex<double>> spectrum;
-      transform.fwd(spectrum, series);
+      const std::vector<std::complex<double>> lines = spectrum(series);
       auto known = std::find_if(rests.begin(), rests.end(),
                                 [&](const Rest& rest) { return std::abs(rest.level - level) < kSameLevel * range; });
       if (known == rests.end()) {
@@ -182,8 +170,9 @@ std::vector<Rest> rests_of(const LinearisedValve& fit, double range, double samp
       }
       const double samples = static_cast<double>(end - begin);
       const auto first = static_cast<std::size_t>(std::ceil(kFewestInRest * static_cast<double>(length) / samples));
-      for (std::size_t k = first; k < length / 2; ++k) known->power[k] += 2 / samples * std::norm(spectrum[k]);
+      for (std::size_t k = first; k < length / 2; ++k) known->power[k] += 2 / samples * std::norm(lines[k]);
       known->samples += samples;
+      known->noise_squares += samples / fit.problem().inverse_variance(r);
     }
   }
   for (Rest& rest : rests) {
@@ -202,8 +191,7 @@ std::vector<HuntingTone> hunting_tones(const LinearisedValve& fit, double range,
   constexpr double kLongestRest_s = 5;
   constexpr double kReach = 0.4;  // of the range: farther from its level a cycle has died out
   const double sample_period_s = fit.problem().recording(0).sample_period_s;
-  if (fit.weight() != 1) return {};
-  const std::size_t length = smooth_length(2 * static_cast<std::size_t>(kLongestRest_s / sample_period_s));
+  const std::size_t length = smooth_length_above(2 * static_cast<std::size_t>(kLongestRest_s / sample_period_s));
   const std::vector<Rest> rests = rests_of(fit, range, sample_period_s, length);
   const double bin_hz = 1 / (static_cast<double>(length) * sample_period_s);
   struct Line {
@@ -216,7 +204,7 @@ std::vector<HuntingTone> hunting_tones(const LinearisedValve& fit, double range,
       const double own = strongest.prominence[k];
       if (own < strongest.prominence[k - 1] || own <= strongest.prominence[k + 1]) continue;
       Line line{.tone = {.frequency_hz = static_cast<double>(k) * bin_hz, .level = strongest.level}, .power = 0};
-      line.tone.amplitude = std::sqrt(2 * strongest.power[k] / strongest.samples / fit.problem().inverse_variance(0));
+      line.tone.amplitude = std::sqrt(2 * strongest.power[k] * strongest.noise_squares) / strongest.samples;
       for (double slope = -0.5; slope <= 0.5; slope += 0.05) {
         double power = own;
         for (const Rest& rest : rests) {
@@ -247,15 +235,14 @@ std::vector<HuntingTone> hunting_tones(const LinearisedValve& fit, double range,
 
 std::vector<Tone> strongest_tones(const LinearisedValve& fit, std::size_t most) {
   const double sample_period_s = fit.problem().recording(0).sample_period_s;
-  const double grid_s = sample_period_s * fit.weight();
   std::size_t longest = 0;
   for (const auto& rows : fit.rows()) {
     if (!rows.sample.empty()) {
-      longest = std::max(longest, rows.sample.back() / static_cast<std::size_t>(fit.weight()) + 1);
+      longest = std::max(longest, rows.sample.back() + 1);
     }
   }
   if (longest < kShortestSeries) return {};
-  const std::size_t length = smooth_length(2 * longest);
+  const std::size_t length = smooth_length_above(2 * longest);
   std::vector<double> sum(length / 2, 0.0);
   for (std::size_t r = 0; r < fit.error().size(); ++r) {
     if (fit.problem().recording(r).sample_period_s != sample_period_s) continue;
@@ -263,9 +250,9 @@ std::vector<Tone> strongest_tones(const LinearisedValve& fit, std::size_t most) 
     for (std::size_t k = 0; k < sum.size(); ++k) sum[k] += power[k];
   }
   std::vector<Tone> tones;
-  for (const Peak& peak : peaks_of(sum, longest, length, grid_s, most)) {
+  for (const Peak& peak : peaks_of(sum, longest, length, sample_period_s, most)) {
     Tone tone{.frequency_hz = peak.frequency_hz, .prominence = peak.prominence};
-    fit_phases(fit, sample_period_s, tone);
+    fit_phases(fit, tone);
     tones.push_back(std::move(tone));
   }
   return tones;
@@ -276,7 +263,7 @@ std::vector<double> strongest_input_lines(const ValveFitProblem& problem, std::s
   std::size_t longest = 0;
   for (std::size_t r = 0; r < problem.recordings(); ++r) longest = std::max(longest, problem.recording(r).samples());
   if (longest < kShortestSeries) return {};
-  const std::size_t length = smooth_length(2 * longest);
+  const std::size_t length = smooth_length_above(2 * longest);
   std::vector<double> sum(length / 2, 0.0);
   for (std::size_t r = 0; r < problem.recordings(); ++r) {
     const Recording& recording = problem.recording(r);

@@ -56,9 +56,14 @@ MechanismScales scales_of(const LinearisedValve& fit, const ValveFitOptions& opt
   scales.reading_high = quantile_of_readings(fit, 1 - kAtTheStop);
   scales.output_range = 2 * options.reference_psi;
   scales.recordings = fit.problem().recordings();
-  for (const Channel& channel : fit.problem().recording(0).side) {
-    const auto [low, high] = std::minmax_element(channel.values.begin(), channel.values.end());
-    scales.side_range.push_back(channel.values.empty() ? 0 : *high - *low);
+  scales.side_range.assign(fit.problem().recording(0).side.size(), 0.0);
+  for (std::size_t r = 0; r < fit.problem().recordings(); ++r) {
+    const std::vector<Channel>& side = fit.problem().recording(r).side;
+    for (std::size_t c = 0; c < side.size(); ++c) {
+      if (side[c].values.empty()) continue;
+      const auto [low, high] = std::minmax_element(side[c].values.begin(), side[c].values.end());
+      scales.side_range[c] = std::max(scales.side_range[c], *high - *low);
+    }
   }
   for (std::size_t k = 0; k + 1 < options.knots.size(); ++k) {
     const auto knot = ValveFitProblem::kParameters + static_cast<Eigen::Index>(k);

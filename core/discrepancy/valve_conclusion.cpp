@@ -58,7 +58,7 @@ struct ToneIn {
 
 std::vector<ToneIn> tone_by_recording(const Explanation& explanation, std::size_t law, const Explanation& baseline) {
   const Explanation others = explanation.laws.size() > 1 ? without(explanation, law, 0) : baseline.copy();
-  const Stack with = residual_at_rows(explanation), alone = residual_at_rows(others);
+  const Stack with = whitened_residual(explanation), alone = whitened_residual(others);
   std::vector<ToneIn> tones;
   for (std::size_t r = 0; r < with.size(); ++r) {
     const Eigen::VectorXd tone = alone[r] - with[r];
@@ -138,9 +138,10 @@ double family_probability(const std::vector<Ranked>& ranked, std::string_view fa
 /// How far 95 of 100 good valves lie from their mean, of n that were measured: the excess over a good valve is known no
 /// better than that.
 double half_width95(const CauseOnGoodValves& good, int good_valves) {
-  if (good_valves < 2 || !(good.size_sd > 0)) return 0;
-  const boost::math::students_t student(good_valves - 1);
-  return boost::math::quantile(student, 0.975) * good.size_sd * std::sqrt(1 + 1.0 / good_valves);
+  const int n = good.size_valves.value_or(good_valves);
+  if (n < 2 || !(good.size_sd > 0)) return 0;
+  const boost::math::students_t student(n - 1);
+  return boost::math::quantile(student, 0.975) * good.size_sd * std::sqrt(1 + 1.0 / n);
 }
 
 /// How far from an estimate the data allow a parameter, all else held: at least `half_width`, and on to where the cost
@@ -252,6 +253,13 @@ void add_parameters(const Grounds& grounds, std::size_t l, NamedCause& named) {
         std::max(estimate.ci95[0], std::min(estimate.value, estimate.value + in_fit.lower[j] - values[j]));
     estimate.ci95[1] =
         std::min(estimate.ci95[1], std::max(estimate.value, estimate.value + in_fit.upper[j] - values[j]));
+    if (in_fit.channel && law.parameters[j].name == "channel") {
+      estimate = {.text = grounds.explanation().problem->recording(0).side[*in_fit.channel].name,
+                  .population_mean = kUnknown,
+                  .population_sd = kUnknown};
+      named.parameters.emplace_back("channel", estimate);
+      continue;
+    }
     estimate.population_mean = is_excess ? counted_from + law.neutral : is_size ? good->size_mean : kUnknown;
     estimate.population_sd = is_size ? good->size_sd : kUnknown;
     if (is_size) {
@@ -387,7 +395,7 @@ std::optional<NextTest> next_test(const Grounds& grounds, const std::vector<Name
       advice.input_low = std::min(advice.input_low, recording.input.values[i]);
       advice.input_high = std::max(advice.input_high, recording.input.values[i]);
     }
-    const auto n = static_cast<double>(recording.samples());
+    const auto n = static_cast<double>(recording.valid_samples());
     variance += n / problem.inverse_variance(r);
     samples += n;
     period_s = std::min(period_s, recording.sample_period_s);
@@ -578,7 +586,8 @@ ValveDiagnosis conclude(const SearchedValve& searched, const ValveDiagnosisOptio
   Discrepancy& discrepancy = diagnosis.discrepancy;
   discrepancy.gain = measure_gain(searched.baseline, explanation);
   // A fault that the fit has taken up leaves nothing: the valve is odd where its residual is not.
-  const OwnParameters own = explanation.laws.empty() ? own_parameters_of(explanation.v, options) : OwnParameters{};
+  const OwnParameters own =
+      explanation.laws.empty() ? own_parameters_of(explanation.v, linear.errors(inflation), options) : OwnParameters{};
   const bool is_taken_up = own.p_value < kFalseAlarm;
   const bool explained = !is_taken_up && is_explained(grounds, linear, leftover, findings, discrepancy.gain);
   for (std::size_t l = 0; l < explanation.laws.size(); ++l) {
@@ -600,10 +609,12 @@ ValveDiagnosis conclude(const SearchedValve& searched, const ValveDiagnosisOptio
   discrepancy.next_test = next_test(grounds, discrepancy.causes, leftover.p_value > kUsualLeftover);
 
   diagnosis.extended_model = grounds.extended;
-  for (std::size_t r = 0; r < explanation.problem->recordings(); ++r) {
-    diagnosis.extended.push_back(explanation.problem->simulate(explanation.v, r));
-  }
-  diagnosis.without_cause = runs_without(explanation);
+  // The model's map rises; where the fit's has a dip that noise made, what is shown is what the model does.
+  Explanation shown = explanation.copy();
+  const ValveFitProblem& problem = *shown.problem;
+  shown.v.segment(ValveFitProblem::kParameters, problem.knots()) = problem.rising_map(shown.v);
+  for (std::size_t r = 0; r < problem.recordings(); ++r) diagnosis.extended.push_back(problem.simulate(shown.v, r));
+  diagnosis.without_cause = runs_without(shown);
   return diagnosis;
 }
 

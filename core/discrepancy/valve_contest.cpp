@@ -90,9 +90,11 @@ double size_beyond_good(const Tested& tested, const ValveFitOptions& options) {
 
 /// What a law takes from white noise: the largest of as many draws of χ² as there are starting points, in the mean of
 /// its limiting (Gumbel) distribution.
-double noise_reduction(const LawVariant& variant, Index freedoms, std::size_t recordings, double samples) {
+double noise_reduction(const LawVariant& variant, Index freedoms, const ValveFitProblem& problem, double samples) {
+  const std::size_t recordings = problem.recordings(), channels = problem.recording(0).side.size();
   double searched = static_cast<double>(std::max<std::size_t>(variant.starts.size(), 1));
   if (variant.law.recording) searched *= static_cast<double>(recordings);
+  if (variant.law.channel) searched *= static_cast<double>(channels);
   const std::string_view cause = variant.law.law->cause;
   const bool at_any_frequency = cause == "periodic_disturbance" || cause == "self_oscillation";
   if (at_any_frequency) searched = samples / static_cast<double>(recordings);
@@ -168,7 +170,8 @@ double p_value_of(const Tested& tested, const Evidence& evidence, double size, c
   if (!(beyond_search > 0)) return 1;
   const Mechanism& law = *tested.fit.law.law;
   const double from_none = std::isfinite(law.neutral) ? std::abs(size - law.neutral) : std::abs(size);
-  const double by_size = p_value_of_size(law, size, from_none / std::sqrt(beyond_search), *good, options.good_valves);
+  const double by_size = p_value_of_size(law, size, from_none / std::sqrt(beyond_search), *good,
+                                         good->size_valves.value_or(options.good_valves));
   if (by_size > kLikeGoodValves) return 1;
   return std::min(1.0, 2 * std::min(by_evidence, by_size));
 }
@@ -188,6 +191,11 @@ void keep_better(Survey other, double offset, Survey& survey) {
       *here = std::move(there);
     }
   }
+  // What one of the two points does not excite the other may.
+  std::erase_if(survey.untestable, [&](const Candidate& untestable) {
+    return std::any_of(survey.tested.begin(), survey.tested.end(),
+                       [&](const Tested& t) { return t.cause() == untestable.cause; });
+  });
 }
 
 /// Whether what is left without any law is more than good valves leave, as surely as a name asks for.
@@ -270,18 +278,23 @@ bool competes_with(const std::string& winner, const Ranked& r) {
          find_mechanism(r.cause)->family == find_mechanism(winner)->family;
 }
 
+/// Makes weights probabilities, the greatest first.
+void share_out(std::vector<Ranked>& ranked) {
+  double sum = 0;
+  for (const Ranked& r : ranked) sum += r.probability;
+  for (Ranked& r : ranked) r.probability /= sum;
+  std::stable_sort(ranked.begin(), ranked.end(),
+                   [](const Ranked& a, const Ranked& b) { return a.probability > b.probability; });
+}
+
 /// Probabilities of the winner and its rivals. No rival leads: the winner is the best of those that stand out.
 void normalise(const std::string& winner, std::vector<Ranked>& ranked) {
   const auto won = std::find_if(ranked.begin(), ranked.end(), [&](const Ranked& r) { return r.cause == winner; });
   const double best = won->borne_out;
-  double sum = 0;
   for (Ranked& r : ranked) {
     r.probability = competes_with(winner, r) ? std::exp(std::min(r.borne_out - best, 0.0)) : 0;
-    sum += r.probability;
   }
-  for (Ranked& r : ranked) r.probability /= sum;
-  std::stable_sort(ranked.begin(), ranked.end(),
-                   [](const Ranked& a, const Ranked& b) { return a.probability > b.probability; });
+  share_out(ranked);
 }
 
 /// The joint fit of a cause; null where there is none.
@@ -319,12 +332,6 @@ bool is_never_out(const Ranked& rival, const Ranked& winner) {
   return rival.sticks && !winner.sticks && winner.cause != "backlash";
 }
 
-/// No friction at all is one that a fit of friction can always reach: what fits worse has not found its best, and is no
-/// reason to leave it out.
-bool has_lost_its_way(const Ranked& rival, const Ranked& winner) {
-  return rival.sticks && rival.fitted_jointly && !winner.sticks && rival.reduction < 0;
-}
-
 /// What a law is known to remove of the cost at its best: friction that is the same at rest and in motion is play, and
 /// its best fit removes no less than that of play, whatever valley its own has ended in.
 double reduction_within_reach(const Ranked& r, std::span<const Ranked> all) {
@@ -334,6 +341,13 @@ double reduction_within_reach(const Ranked& r, std::span<const Ranked> all) {
     if (other.cause == "backlash" && other.fitted_jointly) most = std::max(most, other.reduction);
   }
   return most;
+}
+
+/// No friction at all, and play, are ones that a fit of friction can always reach: what fits worse has not found its
+/// best, and is no reason to leave it out.
+bool has_lost_its_way(const Ranked& rival, const Ranked& winner, std::span<const Ranked> all) {
+  if (!rival.sticks || !rival.fitted_jointly || winner.sticks) return false;
+  return rival.reduction < std::max(0.0, reduction_within_reach(rival, all) - kLeastEvidence);
 }
 
 /// Whether an explanation leaves nothing that good valves do not leave.
@@ -373,14 +387,14 @@ bool is_told_apart(const Ranked& winner, const Ranked& rival, const ValveDiagnos
 /// Brings the likelihoods together where they differ by what one place in the recordings says and another denies: in
 /// white noise 2 z² of a contrast is the likelihood ratio itself, what a law gets wrong makes it less. Where the winner
 /// gets nothing wrong and the other does, one place is enough.
-void keep_consistent(const Ranked& winner, double weight, WinnersFit& fit, std::vector<Ranked>& ranked,
+void keep_consistent(const Ranked& winner, WinnersFit& fit, std::vector<Ranked>& ranked,
                      const ValveDiagnosisOptions& options) {
   for (Ranked& r : ranked) {
     r.borne_out = r.log_likelihood;
     if (r.cause == winner.cause || r.p_value > kRivalInGoodValves) continue;
     const double z = contrast(winner.residual, r.residual).z;
     const double by_prior = 0.5 * (r.penalty - winner.penalty);
-    const double allowed = std::max(0.0, std::copysign(2 * weight * z * z, z) + by_prior);
+    const double allowed = std::max(0.0, std::copysign(2 * z * z, z) + by_prior);
     if (winner.log_likelihood - allowed <= r.log_likelihood) continue;
     if (is_told_apart(winner, r, options) && fit.leaves_the_usual()) continue;
     r.borne_out = winner.log_likelihood - allowed;
@@ -404,19 +418,15 @@ void keep_margins(Contest& contest, WinnersFit& fit, const ValveDiagnosisOptions
     const bool leaves_more = won.left + won.reduction - r.reduction > clearly_more(won, r) * won.left;
     return leaves_more || fit.leaves_the_usual();
   };
-  double sum = 0;
   for (Ranked& r : ranked) {
     const bool is_kin = are_kin(won, r);
     const bool is_near = reduction_within_reach(r, ranked) >= (is_kin ? kFamilyMargin : kMargin) * won.reduction;
-    const bool is_open = is_kin && ((is_family_open && r.fitted_jointly) || has_lost_its_way(r, won));
+    const bool is_open = is_kin && ((is_family_open && r.fitted_jointly) || has_lost_its_way(r, won, ranked));
     if (r.cause != won.cause && competes_with(won.cause, r) && (is_open || (is_near && !is_out(r)))) {
       r.probability = std::max(r.probability, kRivalShare);
     }
-    sum += r.probability;
   }
-  for (Ranked& r : ranked) r.probability /= sum;
-  std::stable_sort(ranked.begin(), ranked.end(),
-                   [](const Ranked& a, const Ranked& b) { return a.probability > b.probability; });
+  share_out(ranked);
 }
 
 /// ln likelihood of a law that lowers the cost by `reduction`. What a good valve's cost falls by as well says nothing
@@ -438,7 +448,7 @@ double p_value_of_fitted_size(const Explanation& fitted, double size, const Expl
   if (!has_size_in_good_valves(law, good) || makes_stick(law, beside)) return 0;
   const std::vector<double> errors = fitted.standard_errors(inflation);
   const double error = errors[errors.size() - law.law->parameters.size() + law.law->size_parameter];
-  return p_value_of_size(*law.law, size, error, *good, options.good_valves);
+  return p_value_of_size(*law.law, size, error, *good, good->size_valves.value_or(options.good_valves));
 }
 
 /// A law fitted together with the valve, before it is compared. `error` is what the valve alone leaves at the rows.
@@ -447,11 +457,10 @@ Ranked ranked_fit(const Tested& tested, const Explanation& beside, const Stack& 
   Ranked r{.cause = tested.cause(), .fitted_jointly = true, .sticks = makes_stick(tested.fit.law, beside)};
   r.reduction = beside.cost - fitted.cost;
   r.left = fitted.cost - noise_cost(fitted);
-  r.residual = residual_at_rows(fitted);
-  r.evidence =
-      consistent_evidence(error, r.residual, r.reduction, contest.weight, slowest_of(fitted)).at_most(r.reduction);
+  r.residual = whitened_residual(fitted);
+  r.evidence = consistent_evidence(error, r.residual, r.reduction, slowest_of(fitted)).at_most(r.reduction);
   r.log_likelihood = rank_of(tested, r.reduction, options.causes, contest.inflation, contest.samples);
-  r.penalty = fitted.cost - contest.weight * squares_of(r.residual);
+  r.penalty = fitted.cost - squares_of(r.residual);
   const double size = with_own(*tested.fit.law.law, size_in(fitted), fitted.v, options.fit);
   r.p_value = p_value_of(tested, r.evidence, size, options);
   const bool is_there = !is_cut_off(fitted.laws.back().law, fitted.parameters_of_last());
@@ -484,7 +493,7 @@ void settle(Contest& contest, std::span<const Explanation> fitted, double laws, 
   contest.cause = best->cause;
   contest.p_value = std::min(1.0, laws * best->p_value);
   WinnersFit fit(fit_of(contest.cause, fitted), options);
-  keep_consistent(*best, contest.weight, fit, contest.ranked, options);
+  keep_consistent(*best, fit, contest.ranked, options);
   normalise(contest.cause, contest.ranked);
   keep_margins(contest, fit, options);
 }
@@ -506,7 +515,7 @@ void enter(Contest& contest, const JointFits& joint, const LinearisedValve& line
     r.log_likelihood = rank_of(tested, tested.fit.verified, options.causes, contest.inflation, contest.samples);
     r.p_value = tested.p_value;
     r.residual = tested.fit.residual;
-    r.penalty = linear.cost() - tested.fit.reduction - linear.weight() * squares_of(tested.fit.residual);
+    r.penalty = beside.problem->penalty(tested.fit.baseline);
     contest.entries.push_back(std::move(r));
   }
 }
@@ -607,6 +616,13 @@ const CauseOnGoodValves* on_good_valves(std::span<const CauseOnGoodValves> cause
   return known == causes.end() ? nullptr : &*known;
 }
 
+void keep_as_rival(const std::string& cause, std::vector<Ranked>& ranked) {
+  auto rival = std::find_if(ranked.begin(), ranked.end(), [&](const Ranked& r) { return r.cause == cause; });
+  if (rival == ranked.end()) rival = ranked.insert(ranked.end(), Ranked{.cause = cause});
+  rival->probability = std::max(rival->probability, kRivalShare);
+  share_out(ranked);
+}
+
 std::vector<UnseenCause> odds_of_being_too_small(const Contest& contest, double least_gain) {
   const std::vector<Tested>& tested = contest.survey.tested;
   const double share = 1.0 / static_cast<double>(tested.size());
@@ -639,9 +655,8 @@ Survey survey_laws(const LinearisedValve& fit, const ValveFitOptions& options) {
     const double worthwhile = std::max(kLeastPromise, kLeastShare * best);
     auto found = search_law(fit, options, variant.law, variant.starts, kSearchSteps, worthwhile);
     if (!found || (found->reduction > 0 && is_cut_off(found->law, found->parameters))) continue;
-    Tested tested{
-        .starts = variant.starts,
-        .noise_reduction = noise_reduction(variant, found->freedoms, fit.problem().recordings(), fit.samples())};
+    Tested tested{.starts = variant.starts,
+                  .noise_reduction = noise_reduction(variant, found->freedoms, fit.problem(), fit.samples())};
     tested.fit = std::move(*found);
     const auto known = std::find_if(survey.tested.begin(), survey.tested.end(),
                                     [&](const Tested& other) { return other.cause() == tested.cause(); });
@@ -668,7 +683,6 @@ Contest hold_contest(const Explanation& beside, const ValveDiagnosisOptions& opt
   contest.survey = survey_all(linear, beside, bent, options);
   const double laws = static_cast<double>(contest.survey.tested.size());
   contest.samples = linear.samples();
-  contest.weight = linear.weight();
   contest.p_value_beside = leftover_of(linear, options).p_value;
 
   JointFits joint{.lowest = beside.cost};
@@ -705,7 +719,6 @@ Contest held_again(const Contest& contest, const Explanation& beside, const Expl
   again.survey = contest.survey;
   again.inflation = contest.inflation;
   again.samples = contest.samples;
-  again.weight = contest.weight;
   again.p_value_beside = contest.p_value_beside;
   const std::string cause = cause_of(better);
   const auto tested = std::find_if(again.survey.tested.begin(), again.survey.tested.end(),
@@ -713,7 +726,7 @@ Contest held_again(const Contest& contest, const Explanation& beside, const Expl
   const double laws = static_cast<double>(again.survey.tested.size());
   if (tested != again.survey.tested.end()) {
     std::erase_if(again.entries, [&](const Ranked& r) { return r.cause == cause; });
-    again.entries.push_back(ranked_fit(*tested, beside, residual_at_rows(beside), better, again, laws, options));
+    again.entries.push_back(ranked_fit(*tested, beside, whitened_residual(beside), better, again, laws, options));
   }
   std::vector<Explanation> fitted;
   fitted.push_back(better.copy());
@@ -745,10 +758,10 @@ GoodValveSurvey survey_good_valve(std::span<const Recording> recordings, const V
     if (is_open || law.family == "memory") {
       const std::vector<JointStart> starts{{nothing.v, tested.fit.shape}};
       const Explanation fitted = extend(nothing, tested.fit, kJointSteps, nothing.cost, starts);
-      const Stack left = residual_at_rows(fitted);
+      const Stack left = whitened_residual(fitted);
       const double reduction = std::max(0.0, nothing.cost - fitted.cost);
       const Evidence found =
-          consistent_evidence(linear.error(), left, reduction, linear.weight(), slowest_of(fitted)).at_most(reduction);
+          consistent_evidence(linear.error(), left, reduction, slowest_of(fitted)).at_most(reduction);
       if (found.value > evidence.value) {
         evidence = found;
         size = size_in(fitted);

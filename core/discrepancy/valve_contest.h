@@ -59,8 +59,8 @@ struct Contest {
   std::vector<Ranked> entries;      ///< the same before they are compared
   std::vector<Explanation> rivals;  ///< of the others, those that were fitted together with the valve
   Survey survey;
-  double inflation = 1, samples = 0, weight = 1;  ///< of the comparison
-  double p_value_beside = 1;                      ///< of what is left without any of them in a good valve
+  double inflation = 1, samples = 0;  ///< of the comparison
+  double p_value_beside = 1;          ///< of what is left without any of them in a good valve
 };
 
 /// Surveys the laws beside an explanation and lets the best of them compete in joint fits. Laws of a family that is in
@@ -73,6 +73,9 @@ Contest hold_contest(const Explanation& beside, const ValveDiagnosisOptions& opt
 /// with that law alone.
 Contest held_again(const Contest& contest, const Explanation& beside, const Explanation& better,
                    const ValveDiagnosisOptions& options);
+
+/// Gives a cause the share of the probability that a rival has which the data cannot tell from a winner.
+void keep_as_rival(const std::string& cause, std::vector<Ranked>& ranked);
 
 /// A cause that these tests may be too weak to see.
 struct UnseenCause {

@@ -97,13 +97,21 @@ class Diagnosis {
         continue;
       }
       const bool is_same = again.cause == explanation.laws[i].law.law->cause;
-      const bool is_better = again.best->cost < explanation.cost;
+      // The same cause elsewhere must be worth telling from where it was.
+      const bool is_better = again.best->cost < explanation.cost - (is_same ? kLeastEvidence : 0);
+      if (!is_same && !is_better) {
+        // It won against a worse fit of the cause that stands here: a rival, no more.
+        keep_as_rival(again.cause, place->ranked);
+        ++i;
+        continue;
+      }
       *place = {std::move(again.ranked), std::move(again.rivals), again.p_value};
-      if (!is_same && is_better) {
-        // Another cause does better in its place: it comes last, and the ones before it are seen with it.
+      if (is_better) {
+        // Another cause does better in its place, or the same one elsewhere: it comes last, and the ones before it are
+        // seen with it.
         explanation = std::move(*again.best);
         std::rotate(place, place + 1, places_.end());
-        is_last_known = false;
+        is_last_known = is_same;
         if (++replaced > kMostCauses) return;
         continue;
       }

@@ -73,8 +73,7 @@ std::vector<double> Explanation::standard_errors(double inflation) const {
     for (Index block = 0; block < kScoreBlocks; ++block) {
       const Index first = block * count / kScoreBlocks, last = (block + 1) * count / kScoreBlocks;
       problem->accumulate(rows, first, last - first, r, normal);
-      const VectorXd score = static_cast<double>(problem->stride()) *
-                             rows.jacobian.transposed_times(first, rows.error.segment(first, last - first));
+      const VectorXd score = rows.jacobian.transposed_times(first, rows.error.segment(first, last - first));
       scores.push_back(VectorXd::Zero(problem->size()));
       scores.back().head(shared) = score.head(shared);
       scores.back().segment(own, problem->own()) = score.tail(problem->own());
@@ -205,10 +204,7 @@ Explanation without(const Explanation& explanation, std::size_t law, int most_it
   return less;
 }
 
-namespace {
-
-/// Every `stride`-th sample that is valid.
-Stack residual_every(const Explanation& explanation, std::size_t stride) {
+Stack whitened_residual(const Explanation& explanation) {
   Stack residual;
   const ValveFitProblem& problem = *explanation.problem;
   for (std::size_t r = 0; r < problem.recordings(); ++r) {
@@ -216,25 +212,15 @@ Stack residual_every(const Explanation& explanation, std::size_t stride) {
     const std::vector<double> simulated = problem.simulate(explanation.v, r);
     std::vector<double> kept;
     std::vector<std::size_t> samples;
-    for (std::size_t i = 0; i < simulated.size(); i += stride) {
+    for (std::size_t i = 0; i < simulated.size(); ++i) {
       if (!recording.is_valid(i)) continue;
       kept.push_back(recording.output.values[i] - simulated[i]);
       samples.push_back(i);
     }
     residual.push_back(Eigen::Map<const VectorXd>(kept.data(), static_cast<Index>(kept.size())));
-    problem.whiten(r, samples, stride, residual.back());
+    problem.whiten(r, samples, residual.back());
   }
   return residual;
-}
-
-}  // namespace
-
-Stack whitened_residual(const Explanation& explanation) {
-  return residual_every(explanation, 1);
-}
-
-Stack residual_at_rows(const Explanation& explanation) {
-  return residual_every(explanation, explanation.problem->stride());
 }
 
 }  // namespace valvetriage

@@ -47,7 +47,5 @@ Explanation without(const Explanation& explanation, std::size_t law, int most_it
 
 /// What is left, one whitened column per recording.
 Stack whitened_residual(const Explanation& explanation);
-/// The same at the rows of a linearisation only.
-Stack residual_at_rows(const Explanation& explanation);
 
 }  // namespace valvetriage

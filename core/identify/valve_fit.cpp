@@ -129,6 +129,10 @@ Descent descend_on(const ValveFitProblem& problem, Descent descent, int most_ite
         descent.damping *= 8;
       }
     }
+    if (!std::isfinite(descent.cost)) {
+      descent.termination = FitTermination::kNoDescent;
+      return descent;
+    }
     if (before - descent.cost >= smallest_gain * before) continue;
     if (descent.width > 1) {
       descent.width = std::max(1.0, descent.width / kNarrower);
@@ -209,6 +213,7 @@ Result<ValveFit> fit_valve(std::span<const Recording> recordings, const ValveFit
   if (const auto valve = require_valve(recordings, options); !valve) return tl::unexpected(valve.error());
   const ValveFitProblem problem(recordings, options);
   Descent best = best_descent(problem, starting_points(options, recordings), options.most_iterations);
+  if (best.v.size() == 0) return fail("no_fit", "no starting point simulates these recordings with finite pressures");
 
   ValveFit fit;
   fit.termination = best.termination;

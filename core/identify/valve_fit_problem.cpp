@@ -25,10 +25,11 @@ constexpr double kExponentMean = 0.6, kExponentSd = 0.25;
 // good spool's friction is a few milliamperes: recordings without reversals do not tell it from the wide loop.
 constexpr double kNarrowLoopSd_a = 0.01;
 constexpr double kSupplyOverReference = 5.0, kSupplyLogSd = 0.7;  // reference is half of the largest pressure
-// Second differences of the map over one knot are a few psi at most on a valve of 200 psi; ten of them are allowed.
-constexpr double kMapBend_psi = 30.0;
+// In shares of the reference pressure, half of the largest. Second differences of the map over one knot are a few
+// hundredths at most; ten times as much is allowed.
+constexpr double kMapBend = 0.3;
 // A recording that does not begin at rest is off by no more than this in its map's input and its pressure.
-constexpr double kSpoolStartSd_a = 0.05, kPressureStartSd_psi = 20.0, kMemorySd = 0.5;
+constexpr double kSpoolStartSd_a = 0.05, kPressureStartSd = 0.2, kMemorySd = 0.5;
 
 /// A spool off its rest, and whatever lags it with it.
 SampledValveDynamics::State displaced_spool(const SampledValveDynamics& spool, double rate, double position) {
@@ -47,14 +48,10 @@ std::vector<double> rests_between_samples(const std::vector<double>& rests) {
   return halves;
 }
 
-// Rows of a linearisation beyond this many say nothing new; thinning them bounds memory and time.
-constexpr std::size_t kMostRows = 60000;
-
 }  // namespace
 
 ValveFitProblem::ValveFitProblem(std::span<const Recording> recordings, const ValveFitOptions& options)
     : options_(options), knots_(static_cast<Index>(options.knots.size())), curve_(options.knots) {
-  std::size_t samples = 0;
   for (const Recording& recording : recordings) {
     Prepared prepared{.recording = &recording, .input = halved(noise_free_input(recording))};
     const double noise = noise_floor(recording).rms;
@@ -66,7 +63,6 @@ ValveFitProblem::ValveFitProblem(std::span<const Recording> recordings, const Va
     prepared.ends_driver = interleaved_driver(prepared.input);
     prepared.gate = loop_gate(prepared.input);
     prepared.driver = loop_driver(prepared.input, prepared.gate);
-    samples += recording.samples();
     prepared_.push_back(std::move(prepared));
   }
   const double quantum = input_quantum(recordings);
@@ -76,18 +72,13 @@ ValveFitProblem::ValveFitProblem(std::span<const Recording> recordings, const Va
       rest.variance *= std::pow(usual_slope(prepared.recording->input.values[rest.end - 1]), 2);
     }
   }
-  stride_ = 1 + samples / kMostRows;
   set_bounds();
   place_laws();
   set_preferences();
 }
 
 ValveFitProblem::ValveFitProblem(const ValveFitProblem& other, const ValveFitOptions& options)
-    : options_(options),
-      prepared_(other.prepared_),
-      knots_(other.knots_),
-      curve_(other.curve_),
-      stride_(other.stride_) {
+    : options_(options), prepared_(other.prepared_), knots_(other.knots_), curve_(other.curve_) {
   set_bounds();
   place_laws();
   set_preferences();
@@ -134,6 +125,7 @@ void ValveFitProblem::set_bounds() {
 
 void ValveFitProblem::set_preferences() {
   spool_start_sd_a_ = kSpoolStartSd_a * options_.usual.current_scale;
+  pressure_start_sd_psi_ = kPressureStartSd * options_.reference_psi;
   if (options_.prior) {
     mean_ = options_.prior->mean;
     precision_ = options_.prior->covariance.ldlt().solve(MatrixXd::Identity(baseline_size(), baseline_size()));
@@ -149,11 +141,12 @@ void ValveFitProblem::set_preferences() {
   prefer(kNarrowLoop, 0, kNarrowLoopSd_a * options_.usual.current_scale);
   prefer(kSupply, std::log(kSupplyOverReference * options_.reference_psi), kSupplyLogSd);
   constexpr double kStencil[3] = {1, -2, 1};
+  const double bend_psi = kMapBend * options_.reference_psi;
   for (Index k = 1; k + 1 < knots_; ++k) {
     for (Index i = 0; i < 3; ++i) {
       for (Index j = 0; j < 3; ++j) {
         precision_(kParameters + k - 1 + i, kParameters + k - 1 + j) +=
-            kStencil[i] * kStencil[j] / (kMapBend_psi * kMapBend_psi);
+            kStencil[i] * kStencil[j] / (bend_psi * bend_psi);
       }
     }
   }
@@ -259,7 +252,8 @@ void ValveFitProblem::follow_rests(const VectorXd& v) {
     const Recording& recording = *prepared.recording;
     prepared.rests = spool_rests(recording, valve, map, options_.usual.gauge_lag_s, std::sqrt(prepared.noise_variance));
     prepared.half_rests = rests_between_samples(prepared.rests);
-    const double noise = static_cast<double>(recording.samples()) * prepared.noise_variance;
+    const double noise =
+        static_cast<double>(std::max<std::size_t>(recording.valid_samples(), 1)) * prepared.noise_variance;
     const double left = squared_error(r, simulate(v, r));
     const double slow = std::max(1.0, valve.volume.time_constant_s / recording.sample_period_s);
     prepared.inverse_variance = 1 / (prepared.noise_variance * (1 + slow * std::max(0.0, left / noise - 1)));
@@ -548,7 +542,7 @@ double ValveFitProblem::weighed_error(std::size_t recording, const std::vector<d
   return squares * prepared.inverse_variance;
 }
 
-void ValveFitProblem::whiten(std::size_t recording, std::span<const std::size_t> samples, std::size_t stride,
+void ValveFitProblem::whiten(std::size_t recording, std::span<const std::size_t> samples,
                              Eigen::Ref<VectorXd> outputs) const {
   const Prepared& prepared = prepared_[recording];
   outputs *= std::sqrt(prepared.inverse_variance);
@@ -558,8 +552,7 @@ void ValveFitProblem::whiten(std::size_t recording, std::span<const std::size_t>
     const auto last = std::lower_bound(first, samples.end(), rest.end);
     const auto count = static_cast<Index>(last - first);
     if (count == 0) continue;
-    const double told =
-        static_cast<double>(count) * static_cast<double>(stride) * rest.variance * prepared.inverse_variance;
+    const double told = static_cast<double>(count) * rest.variance * prepared.inverse_variance;
     auto here = outputs.segment(first - samples.begin(), count);
     here.array() -= (1 - 1 / std::sqrt(1 + told)) * here.mean();
   }
@@ -575,7 +568,8 @@ double ValveFitProblem::scale_free_cost(const VectorXd& v) const {
   const std::vector<Run> at_v = all_runs(v);
   double sum = 0;
   for (std::size_t r = 0; r < prepared_.size(); ++r) {
-    const double samples = static_cast<double>(prepared_[r].recording->samples());
+    const double samples = static_cast<double>(prepared_[r].recording->valid_samples());
+    if (samples == 0) continue;
     sum += samples * std::log(prepared_[r].noise_variance + squared_error(r, at_v[r].output) / samples);
   }
   return sum;
@@ -588,7 +582,7 @@ double ValveFitProblem::penalty(const VectorXd& v) const {
     const auto s = v.segment<kStarts>(own_at(r));
     sum += (s(kSpoolRate) * s(kSpoolRate) + s(kSpoolPosition) * s(kSpoolPosition)) /
                (spool_start_sd_a_ * spool_start_sd_a_) +
-           std::pow(s(kPressureGap) / kPressureStartSd_psi, 2) + std::pow(s(kMemory) / kMemorySd, 2);
+           std::pow(s(kPressureGap) / pressure_start_sd_psi_, 2) + std::pow(s(kMemory) / kMemorySd, 2);
   }
   return sum;
 }
@@ -604,7 +598,7 @@ void ValveFitProblem::add_penalty(const VectorXd& v, Normal& normal) const {
   normal.b.head(shared_baseline) -= precision_ * (v.head(shared_baseline) - mean_);
   const double weights[kStarts] = {1 / (spool_start_sd_a_ * spool_start_sd_a_),
                                    1 / (spool_start_sd_a_ * spool_start_sd_a_),
-                                   1 / (kPressureStartSd_psi * kPressureStartSd_psi), 1 / (kMemorySd * kMemorySd)};
+                                   1 / (pressure_start_sd_psi_ * pressure_start_sd_psi_), 1 / (kMemorySd * kMemorySd)};
   for (std::size_t r = 0; r < prepared_.size(); ++r) {
     for (Index s = 0; s < kStarts; ++s) {
       const Index at = own_at(r) + s;
@@ -862,7 +856,7 @@ ValveFitProblem::Rows ValveFitProblem::rows(const VectorXd& v, std::size_t recor
   const Recording& measured = *prepared_[recording].recording;
   const Columns columns(*this, v, recording);
   Rows rows;
-  for (std::size_t i = 0; i < measured.samples(); i += stride_) {
+  for (std::size_t i = 0; i < measured.samples(); ++i) {
     if (measured.is_valid(i)) rows.sample.push_back(i);
   }
   const auto count = static_cast<Index>(rows.sample.size());
@@ -870,13 +864,13 @@ ValveFitProblem::Rows ValveFitProblem::rows(const VectorXd& v, std::size_t recor
   rows.error.resize(count);
   const auto keep = [&](Index column, const std::vector<double>& change) {
     for (Index i = 0; i < count; ++i) jacobian(i, column) = change[rows.sample[static_cast<std::size_t>(i)]];
-    whiten(recording, rows.sample, stride_, jacobian.col(column));
+    whiten(recording, rows.sample, jacobian.col(column));
   };
   for (Index i = 0; i < count; ++i) {
     const std::size_t at = rows.sample[static_cast<std::size_t>(i)];
     rows.error(i) = measured.output.values[at] - columns.base().output[at];
   }
-  whiten(recording, rows.sample, stride_, rows.error);
+  whiten(recording, rows.sample, rows.error);
   const auto inward = [&](double at, double step, double upper) { return at + step > upper ? -step : step; };
   std::vector<Columns::Move> moves;
   std::vector<Index> column_of;
@@ -917,9 +911,8 @@ ValveFitProblem::Rows ValveFitProblem::rows(const VectorXd& v, std::size_t recor
 void ValveFitProblem::accumulate(const Rows& rows, Index first, Index count, std::size_t recording,
                                  Normal& normal) const {
   if (count == 0) return;
-  const double weight = static_cast<double>(stride_);
-  const MatrixXd a = weight * rows.jacobian.gram(first, count);
-  const VectorXd b = weight * rows.jacobian.transposed_times(first, rows.error.segment(first, count));
+  const MatrixXd a = rows.jacobian.gram(first, count);
+  const VectorXd b = rows.jacobian.transposed_times(first, rows.error.segment(first, count));
   const Index own = own_at(recording);
   normal.a.topLeftCorner(shared(), shared()) += a.topLeftCorner(shared(), shared());
   normal.a.block(own, 0, own_, shared()) += a.bottomLeftCorner(own_, shared());

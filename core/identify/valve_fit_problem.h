@@ -41,11 +41,8 @@ class ValveFitProblem {
   const Recording& recording(std::size_t r) const { return *prepared_[r].recording; }
   double inverse_variance(std::size_t r) const { return prepared_[r].inverse_variance; }
   /// Outputs of a recording at some of its samples, ascending, in units of what is not known of them: noise, and where
-  /// a coarse log leaves the input of a rest open, what all of it may be off by. Each stands for `stride` samples.
-  void whiten(std::size_t recording, std::span<const std::size_t> samples, std::size_t stride,
-              Eigen::Ref<Eigen::VectorXd> outputs) const;
-  /// Every how many samples a row of the linearisation stands; its weight in the normal equations.
-  std::size_t stride() const { return stride_; }
+  /// a coarse log leaves the input of a rest open, what all of it may be off by.
+  void whiten(std::size_t recording, std::span<const std::size_t> samples, Eigen::Ref<Eigen::VectorXd> outputs) const;
 
   /// The vector inside its bounds.
   Eigen::VectorXd clamped(Eigen::VectorXd v) const;
@@ -53,6 +50,10 @@ class ValveFitProblem {
   bool is_at_bound(const Eigen::VectorXd& v, Eigen::Index parameter) const {
     const double step = step_(parameter);
     return v(parameter) < lower_(parameter) + step || v(parameter) > upper_(parameter) - step;
+  }
+  /// Whether a move of a parameter of the valve ends beyond its bounds.
+  bool leaves_bounds(const Eigen::VectorXd& v, Eigen::Index parameter, double move) const {
+    return v(parameter) + move < lower_(parameter) || v(parameter) + move > upper_(parameter);
   }
   /// Parameters as given, knots by averaging the outputs seen at each input, starts at rest, laws at their start.
   Eigen::VectorXd start_vector(const ValveParameters& parameters) const;
@@ -118,8 +119,7 @@ class ValveFitProblem {
   LawContext context(const Eigen::VectorXd& v, std::size_t recording, Place place) const;
   bool acts(const LawInFit& law, std::size_t recording) const { return !law.recording || *law.recording == recording; }
 
-  /// Rows of one recording, whitened by its noise: sensitivities [shared | own] and errors at every stride-th valid
-  /// sample.
+  /// Rows of one recording, whitened by its noise: sensitivities [shared | own] and errors at every valid sample.
   struct Rows {
     BlockedColumns jacobian;          ///< rows × (shared + own)
     Eigen::VectorXd error;            ///< measured − simulated
@@ -208,9 +208,8 @@ class ValveFitProblem {
   KnotCurve curve_;
   Eigen::Index law_parameters_ = 0;
   Eigen::Index own_ = kStarts;
-  double spool_start_sd_a_ = 0;
+  double spool_start_sd_a_ = 0, pressure_start_sd_psi_ = 0;
   std::vector<Eigen::Index> law_at_, law_own_at_;  ///< first shared entry of each law; first own one behind own_at()
-  std::size_t stride_ = 1;
   Eigen::VectorXd lower_, upper_, step_;
   Eigen::MatrixXd precision_;  ///< of the prior, baseline_size() square
   Eigen::VectorXd mean_;

@@ -38,6 +38,9 @@ constexpr std::array<std::string_view, 3> kConfusedWith{"periodic_disturbance", 
 // rate a mode stands for whatever a simulation gets wrong within a sample of an edge, which good valves show as well.
 constexpr double kFewestSamplesAPeriod = 2.5;
 constexpr double kAtTheBound = 0.98;
+// A mode of more than half of critical damping peaks by less than 1.3 dB: over the band it is a lag or a delay of 2 ζ /
+// ω.
+constexpr double kLightlyDamped = 0.5;
 
 MechanismBounds bounds(const MechanismScales& scales) {
   const double slowest_hz = 3 / scales.longest_s, fastest_hz = 1 / (kFewestSamplesAPeriod * scales.sample_period_s);
@@ -50,9 +53,9 @@ MechanismBounds bounds(const MechanismScales& scales) {
   return bounds;
 }
 
-/// Whether the mode is faster than the sampling shows.
-bool is_too_fast(std::span<const double> parameters, std::span<const double>, std::span<const double> upper) {
-  return parameters[kFrequency] > kAtTheBound * upper[kFrequency];
+/// Whether the mode is faster than the sampling shows, or none.
+bool is_no_mode(std::span<const double> parameters, std::span<const double>, std::span<const double> upper) {
+  return parameters[kFrequency] > kAtTheBound * upper[kFrequency] || parameters[kDamping] > kLightlyDamped;
 }
 
 /// e^{AT} of A = ω [[0, 1], [−1, −2ζ]] on (y, ẏ/ω).
@@ -118,6 +121,6 @@ extern constinit const Mechanism kResonance{
     .apply = filter,
     .tangent = tangent,
     .reshape = nullptr,
-    .is_cut_off = is_too_fast};
+    .is_cut_off = is_no_mode};
 
 }  // namespace valvetriage

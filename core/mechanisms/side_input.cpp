@@ -24,7 +24,6 @@ constexpr std::array<MechanismParameter, 2> kParameters{
     {{"coefficient", "psi per unit of the channel", "effect of the channel on the reading"},
      {"channel", "", "index of the side channel, from 0", 0}}};
 constexpr std::array<std::string_view, 3> kConfusedWith{"sensor_drift", "thermal_drift", "sensor_offset"};
-constexpr std::size_t kMostStarts = 6;
 
 MechanismBounds bounds(const MechanismScales& scales) {
   MechanismBounds bounds{.lower = {0, 0}, .upper = {0, 0}, .step = {0, 0}, .starts = {}};
@@ -34,7 +33,7 @@ MechanismBounds bounds(const MechanismScales& scales) {
     bounds.upper = {std::max(bounds.upper[0], most), static_cast<double>(c)};
     bounds.lower[0] = -bounds.upper[0];
     bounds.step[0] = 1e-5 * bounds.upper[0];
-    if (bounds.starts.size() < kMostStarts) bounds.starts.push_back({0.01 * most, static_cast<double>(c)});
+    bounds.starts.push_back({0.01 * most, static_cast<double>(c)});
   }
   return bounds;
 }

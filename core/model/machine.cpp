@@ -73,18 +73,6 @@ double delayed(In in, std::size_t t, int delay) {
   return in[t > d ? t - d : 0];
 }
 
-/// Gain at rest of weights on the basis: levels and the input have gain 1, differences none.
-double gain_at_rest(const std::vector<Section>& sections, In weights) {
-  double sum = 0;
-  std::size_t i = 0;
-  for (std::size_t s = sections.size(); s-- > 0 && i < weights.size();) {
-    sum += weights[i++];
-    if (sections[s].order == 2) ++i;
-  }
-  if (i < weights.size()) sum += weights[i];
-  return sum;
-}
-
 void run_linear(const MachineBlock& block, In start, In in, Out out) {
   Cascade cascade(block.sections, in[0], start);
   const std::vector<double> copy(in.begin(), in.end());

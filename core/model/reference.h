@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -52,12 +53,15 @@ struct CauseOnGoodValves {
   double evidence_sd = 0;    ///< between valves; 0 if not known
   double size_mean = 0;      ///< of the law's size parameter
   double size_sd = 0;
+  std::optional<int> size_valves{};  ///< of which the size is known, all where absent: a limit that few of them reach
+                                     ///< has none in the others
 };
 
 /// How unevenly good valves' residuals are spread: ln of a group of samples' mean square over the noise's.
 struct LeftoverOnGoodValves {
   std::string group;
   double mean = 0, sd = 0;
+  std::optional<int> valves{};  ///< with enough samples in the group, all where absent
 };
 
 /// A population of good valves, learned from their recordings; not a curve.

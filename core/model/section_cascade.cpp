@@ -96,6 +96,17 @@ int order_of(std::span<const Section> sections) {
   return order;
 }
 
+double gain_at_rest(std::span<const Section> sections, std::span<const double> weights) {
+  double sum = 0;
+  std::size_t i = 0;
+  for (std::size_t s = sections.size(); s-- > 0 && i < weights.size();) {
+    sum += weights[i++];
+    if (sections[s].order == 2) ++i;
+  }
+  if (i < weights.size()) sum += weights[i];
+  return sum;
+}
+
 void SectionState::settle() {
   if (std::abs(level) + std::abs(difference) < kSettled) level = difference = 0;
 }

@@ -43,6 +43,8 @@ std::vector<std::complex<double>> poles_of(std::span<const Section> sections);
 /// All poles at 1 − rate.
 std::vector<Section> equal_sections(int order, double rate, const SectionLimits& limits);
 int order_of(std::span<const Section> sections);
+/// Gain at rest of weights on a cascade's basis: levels and the input have gain 1, differences none.
+double gain_at_rest(std::span<const Section> sections, std::span<const double> weights);
 
 /// One section at work: level y and difference v = y(t) − y(t−1). A response that has died out is set to zero now and
 /// then by settle(), for numbers below 1e-308 would cost a hundred times more.

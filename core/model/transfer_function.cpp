@@ -108,6 +108,13 @@ Result<TransferFunction> to_transfer_function(const RationalCoefficients& c) {
   g.poles = roots_about(denominator, c.domain);
   g.gain = numerator.empty() ? 0.0 : static_cast<double>(numerator[0] / denominator[0]);
   if (!numerator.empty()) g.zeros = roots_about(numerator, c.domain);
+  // A zero at the origin of the z plane is a sample less of delay.
+  for (int delay = c.domain == Domain::kZ ? c.delay_samples : 0; delay > 0; --delay) {
+    const auto at_origin = std::find(g.zeros.begin(), g.zeros.end(), Complex(0));
+    if (at_origin == g.zeros.end()) break;
+    g.zeros.erase(at_origin);
+    g.delay_s = (delay - 1) * c.sample_time_s;
+  }
   return g;
 }
 

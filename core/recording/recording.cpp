@@ -1,5 +1,6 @@
 #include "core/recording/recording.h"
 
+#include <algorithm>
 #include <array>
 #include <utility>
 
@@ -13,6 +14,11 @@ constexpr std::array<std::pair<TestKind, const char*>, 5> kTestNames{{{TestKind:
                                                                       {TestKind::kOther, "other"}}};
 
 }  // namespace
+
+std::size_t Recording::valid_samples() const {
+  if (valid.empty()) return samples();
+  return samples() - static_cast<std::size_t>(std::count(valid.begin(), valid.end(), 0));
+}
 
 std::string to_string(TestKind kind) {
   for (const auto& [value, name] : kTestNames) {

@@ -100,6 +100,7 @@ struct Recording {
   std::size_t samples() const { return input.values.size(); }
   double sample_rate_hz() const { return 1.0 / sample_period_s; }
   bool is_valid(std::size_t i) const { return valid.empty() || valid[i] != 0; }
+  std::size_t valid_samples() const;  ///< those that take part in sums
   /// Currents in A and pressures in psi: the valve's own units. Otherwise figures carry unit "".
   bool has_valve_units() const { return input.unit == "A" && output.unit == "psi"; }
 };

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <boost/math/statistics/univariate_statistics.hpp>
 #include <cmath>
 #include <limits>
 
@@ -15,12 +16,6 @@ namespace {
 constexpr double kJitterRatio = 0.05;     ///< off the grid by more than this part of a period: 0.8 noise at a step edge
 constexpr double kIrregularShare = 0.25;  ///< of intervals far from the median: no sampling rate to speak of
 constexpr double kMostMissing = 0.5;      ///< of the grid
-
-double median_of(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::ranges::nth_element(values, middle);
-  return *middle;
-}
 
 std::vector<double> intervals_of(const std::vector<double>& time) {
   std::vector<double> intervals(time.size() - 1);
@@ -40,7 +35,8 @@ Error time_error(std::string code, const Channel& time, std::string found, std::
 Result<UniformGrid> find_grid(const Channel& channel) {
   const std::vector<double>& time = channel.values;
   const std::vector<double> intervals = intervals_of(time);
-  const double median = median_of(intervals);
+  std::vector<double> by_length = intervals;
+  const double median = boost::math::statistics::median(by_length);
   double sum = 0;
   std::size_t counted = 0, irregular = 0;
   for (const double interval : intervals) {

@@ -9,8 +9,8 @@
 #include <limits>
 #include <numeric>
 #include <optional>
-#include <unsupported/Eigen/FFT>
 
+#include "core/identify/spectrum.h"
 #include "core/model/magnetic_loop.h"
 
 namespace valvetriage {
@@ -399,13 +399,7 @@ class Search {
 
   /// Sum of squares at each frequency of a signal freed of its straight line, on a length that the FFT is quick at.
   static std::pair<Column, std::size_t> periodogram(const Recording& recording, std::span<const double> signal) {
-    std::size_t n = signal.size();
-    const auto is_smooth = [](std::size_t m) {
-      for (const std::size_t factor : {2u, 3u, 5u})
-        while (m % factor == 0) m /= factor;
-      return m == 1;
-    };
-    while (n > 1 && !is_smooth(n)) --n;
+    const std::size_t n = smooth_length_below(std::max<std::size_t>(signal.size(), 1));
     if (n < 64) return {{}, n};
     std::vector<double> e(n);
     double sum = 0, moment = 0;
@@ -418,11 +412,9 @@ class Search {
     const double count = static_cast<double>(n);
     const double slope = moment / (count * (count * count - 1) / 12);
     for (std::size_t i = 0; i < n; ++i) e[i] -= sum / count + slope * (static_cast<double>(i) - middle);
-    Eigen::FFT<double> fft;
-    std::vector<std::complex<double>> spectrum;
-    fft.fwd(spectrum, e);
+    const std::vector<std::complex<double>> lines = spectrum(e);
     Column power(n / 2);
-    for (std::size_t k = 0; k < power.size(); ++k) power[k] = 2 * std::norm(spectrum[k]) / count;
+    for (std::size_t k = 0; k < power.size(); ++k) power[k] = 2 * std::norm(lines[k]) / count;
     return {power, n};
   }
 

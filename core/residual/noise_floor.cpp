@@ -2,6 +2,7 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <boost/math/statistics/univariate_statistics.hpp>
 #include <cmath>
 #include <limits>
 #include <vector>
@@ -19,12 +20,6 @@ constexpr double kCorrelationTimes = 9;  // in a hold's settled part: then a lin
 // Upper over lower quartile of the holds' mean squares: 2.5 for five independent samples in each, 3.4 for three.
 constexpr double kStationarySpread = 4;
 constexpr double kMadToSigma = 1.4826;  // of a normal distribution
-
-double median_of(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 bool is_stationary(std::vector<double> mean_squares) {
   if (mean_squares.size() < kFewestHolds) return false;
@@ -84,7 +79,7 @@ double from_differences(const Recording& recording) {
     size.push_back(std::abs(y[i] - 3 * y[i - 1] + 3 * y[i - 2] - y[i - 3]));
   }
   if (size.empty()) return 0;
-  return kMadToSigma * median_of(size) / std::sqrt(20.0);
+  return kMadToSigma * boost::math::statistics::median(size) / std::sqrt(20.0);
 }
 
 /// Rms that a linear one-step prediction leaves; infinite where there are too few samples for it.
@@ -126,7 +121,8 @@ struct Holds {
 
   double rms() const {
     if (mean_squares.empty()) return std::numeric_limits<double>::infinity();
-    return std::sqrt(median_of(mean_squares));
+    std::vector<double> by_size = mean_squares;
+    return std::sqrt(boost::math::statistics::median(by_size));
   }
 };
 

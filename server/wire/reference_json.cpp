@@ -35,15 +35,19 @@ Json to_json(const LevelPopulation& level) {
 }
 
 Json to_json(const CauseOnGoodValves& cause) {
-  return Json{{"cause", cause.cause},
-              {"evidence_mean", cause.evidence_mean},
-              {"evidence_sd", cause.evidence_sd},
-              {"size_mean", cause.size_mean},
-              {"size_sd", cause.size_sd}};
+  Json json{{"cause", cause.cause},
+            {"evidence_mean", cause.evidence_mean},
+            {"evidence_sd", cause.evidence_sd},
+            {"size_mean", cause.size_mean},
+            {"size_sd", cause.size_sd}};
+  if (cause.size_valves) json["size_valves"] = *cause.size_valves;
+  return json;
 }
 
 Json to_json(const LeftoverOnGoodValves& leftover) {
-  return Json{{"group", leftover.group}, {"mean", leftover.mean}, {"sd", leftover.sd}};
+  Json json{{"group", leftover.group}, {"mean", leftover.mean}, {"sd", leftover.sd}};
+  if (leftover.valves) json["valves"] = *leftover.valves;
+  return json;
 }
 
 /// Everything that makes the reference what it is.
@@ -102,15 +106,20 @@ LevelPopulation level_from_json(JsonFields fields) {
 }
 
 CauseOnGoodValves cause_from_json(JsonFields fields) {
-  return {.cause = fields.text("cause"),
-          .evidence_mean = fields.number("evidence_mean"),
-          .evidence_sd = fields.number_or("evidence_sd", 0),
-          .size_mean = fields.number("size_mean"),
-          .size_sd = fields.number("size_sd")};
+  CauseOnGoodValves cause{.cause = fields.text("cause"),
+                          .evidence_mean = fields.number("evidence_mean"),
+                          .evidence_sd = fields.number_or("evidence_sd", 0),
+                          .size_mean = fields.number("size_mean"),
+                          .size_sd = fields.number("size_sd")};
+  if (fields.has("size_valves")) cause.size_valves = fields.small_count("size_valves");
+  return cause;
 }
 
 LeftoverOnGoodValves leftover_from_json(JsonFields fields) {
-  return {.group = fields.text("group"), .mean = fields.number("mean"), .sd = fields.number("sd")};
+  LeftoverOnGoodValves leftover{
+      .group = fields.text("group"), .mean = fields.number("mean"), .sd = fields.number("sd")};
+  if (fields.has("valves")) leftover.valves = fields.small_count("valves");
+  return leftover;
 }
 
 void check_sizes(JsonFields& fields, const Reference& reference) {

@@ -4,6 +4,7 @@
 
 #include <Eigen/Cholesky>
 
+#include "core/mechanisms/mechanism.h"
 #include "tests/unit/identify/valves.h"
 
 namespace valvetriage {
@@ -61,6 +62,20 @@ TEST(LearnReference, KnowsWhatItSaw) {
   EXPECT_NEAR(reference.levels[1].level_a, 1.6, 0.011);
   EXPECT_GT(reference.levels[1].error_eq20_mean, 0);
   EXPECT_GT(reference.levels[1].rise_time_mean_s, 0.03);
+}
+
+TEST(LearnReference, EachSizeSaysHowManyValvesItIsKnownOf) {
+  for (const CauseOnGoodValves& good : eight().causes) {
+    const bool has_a_neutral_size = std::isfinite(find_mechanism(good.cause)->neutral);
+    ASSERT_TRUE(good.size_valves) << good.cause;
+    EXPECT_LE(*good.size_valves, 8) << good.cause;
+    if (has_a_neutral_size) EXPECT_EQ(*good.size_valves, 8) << good.cause;
+  }
+  for (const LeftoverOnGoodValves& left : eight().leftovers) {
+    ASSERT_TRUE(left.valves) << left.group;
+    EXPECT_GE(*left.valves, 1) << left.group;
+    EXPECT_LE(*left.valves, 8) << left.group;
+  }
 }
 
 TEST(LearnReference, TheCovarianceIsPositiveDefinite) {

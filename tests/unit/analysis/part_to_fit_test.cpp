@@ -3,8 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <numbers>
 #include <utility>
 
+#include "core/analysis/folded_tones.h"
 #include "core/mechanisms/simulate_extended.h"
 #include "core/recording/intersample.h"
 #include "core/recording/segments.h"
@@ -25,6 +27,50 @@ Recording step_at(std::size_t step, std::size_t samples, double rate_hz) {
   }
   recording.segments = find_segments(recording.input.values, recording.sample_period_s);
   return recording;
+}
+
+TEST(PartToFit, PutsSideChannelsInTheSamePlacesAndAnEmptyOneWhereThereIsNone) {
+  std::vector<Recording> recordings{step_at(50, 100, 200), step_at(30, 100, 200), step_at(30, 100, 200)};
+  const Channel warm{.name = "temperature_C", .values = std::vector<double>(100, 40)};
+  const Channel supply{.name = "supply_psi", .values = std::vector<double>(100, 450)};
+  recordings[0].side = {warm, supply};
+  recordings[1].side = {supply, warm};
+  const PartToFit part = part_to_fit(recordings, 0);
+  for (const Recording& recording : part.recordings) {
+    ASSERT_EQ(recording.side.size(), 2u);
+    EXPECT_EQ(recording.side[0].name, "temperature_C");
+    EXPECT_EQ(recording.side[1].name, "supply_psi");
+  }
+  EXPECT_EQ(part.recordings[1].side[1].values, supply.values);
+  EXPECT_TRUE(part.recordings[2].side[0].values.empty());
+}
+
+TEST(FoldedTones, AreGivenTheFrequencyOfTheWholeRecording) {
+  // 120 and 280 Hz at 1 kHz look like 80 Hz at 200 Hz, as 80 Hz does.
+  for (const double true_hz : {120.0, 280.0, 80.0}) {
+    std::vector<Recording> recordings{step_at(500, 5000, 1000)};
+    FreeRunsOf without{recordings[0].output.values};
+    for (std::size_t i = 0; i < 5000; ++i) {
+      recordings[0].output.values[i] += std::sin(2 * std::numbers::pi * true_hz * 0.001 * static_cast<double>(i) + 0.4);
+    }
+    const PartToFit part = part_to_fit(recordings, 0.005);
+    std::vector<NamedCause> causes(1);
+    causes[0].cause = "periodic_disturbance";
+    causes[0].parameters = {{"frequency_hz", {.value = 80, .ci95 = {79.9, 80.2}, .unit = "Hz"}}};
+    Model model;
+    model.mechanisms = {{.cause = "periodic_disturbance", .parameters = {80, 1, 2}}};
+    FreeRunsOf extended = without;
+    unfold_tones(recordings, part, {&without, 1}, causes, model, extended);
+    const ParameterEstimate& found = causes[0].parameters[0].second;
+    EXPECT_DOUBLE_EQ(found.value, true_hz);
+    const bool is_mirrored = true_hz == 120;
+    EXPECT_NEAR(found.ci95[0], true_hz - (is_mirrored ? 0.2 : 0.1), 1e-9);
+    EXPECT_NEAR(found.ci95[1], true_hz + (is_mirrored ? 0.1 : 0.2), 1e-9);
+    EXPECT_DOUBLE_EQ(model.mechanisms[0].parameters[0], true_hz);
+    if (true_hz == 80) continue;
+    EXPECT_NEAR(model.mechanisms[0].parameters[2], 0.4, 1e-6);
+    EXPECT_NEAR(extended[0][1234], recordings[0].output.values[1234], 1e-6);
+  }
 }
 
 TEST(PartToFit, ChangesNothingUpToTheLimitAndLeavesNoMoreThanThatAboveIt) {

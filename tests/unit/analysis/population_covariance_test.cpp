@@ -117,6 +117,35 @@ TEST(PopulationCovariance, HowFarAMapBendsAlikeIsLearned) {
   EXPECT_GT(strangeness_of_a_step(0.3), 2 * strangeness_of_a_step(0.06));
 }
 
+TEST(PopulationCovariance, ValvesThatAreSetAlikeAtOnePointDifferByWhatTheyDoThere) {
+  // Gains differ by 4 %, and a screw has made up for it at the tenth knot: offset and gain alone would both be wide.
+  constexpr Eigen::Index kTrim = 10;
+  for (unsigned seed = 1; seed <= 4; ++seed) {
+    std::mt19937_64 random(seed);
+    std::normal_distribution<double> normal;
+    Eigen::MatrixXd learned = valves(8, random);
+    Eigen::VectorXd true_sd(kKnots);
+    const auto nominal = [](Eigen::Index k) {
+      return 100 * (1 + std::tanh(3 * (knots()[static_cast<std::size_t>(k)] - 1.45)));
+    };
+    for (Eigen::Index k = 0; k < kKnots; ++k) true_sd(k) = 0.04 * std::abs(nominal(k) - nominal(kTrim));
+    for (int i = 0; i < 8; ++i) {
+      const double gain = 0.04 * normal(random);
+      for (Eigen::Index k = 0; k < kKnots; ++k) {
+        learned(kParameters + k, i) = nominal(k) + gain * (nominal(k) - nominal(kTrim)) + 0.05 * normal(random);
+      }
+    }
+    const Eigen::VectorXd sd =
+        population_covariance(learned, none(), kParameters, knots()).covariance.diagonal().tail(kKnots).cwiseSqrt();
+    EXPECT_LT(sd(kTrim), 0.3) << seed;
+    // Known from eight: half to twice.
+    for (const Eigen::Index k : {Eigen::Index{0}, Eigen::Index{20}, kKnots - 1}) {
+      EXPECT_GT(sd(k), true_sd(k) / 2.2) << seed << ' ' << k;
+      EXPECT_LT(sd(k), true_sd(k) * 2.2) << seed << ' ' << k;
+    }
+  }
+}
+
 TEST(PopulationCovariance, ThreeValvesAreEnoughForAPositiveOne) {
   std::mt19937_64 random(12);
   const Eigen::LLT<Eigen::MatrixXd> factor(

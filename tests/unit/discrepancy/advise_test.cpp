@@ -56,7 +56,7 @@ TEST(Advise, ADeadBandThatLiesHighIsLookedForWhereItIs) {
   const auto next = advise_next_test(open, kStand);
   ASSERT_TRUE(next.has_value());
   EXPECT_GT(next->expected_probability, 0.9);
-  EXPECT_NE(next->test.find("2"), std::string::npos) << next->test;  // a test that reaches the top of the range
+  EXPECT_NE(next->test.find("to 2 A"), std::string::npos) << next->test;  // a test that reaches the top of the range
 }
 
 TEST(Advise, WhatNoTestCanTellIsNotAskedFor) {
@@ -85,7 +85,8 @@ TEST(Advise, AParameterThatMayStillMoveTellsLessThanAKnownOne) {
   const std::vector<Alternative> loose{alternative("leakage", {0.01}, 0.5, {0.05}),
                                        alternative("orifice_flow", {0.004}, 0.5, {0.05})};
   const auto sure = advise_next_test(known, kStand), unsure = advise_next_test(loose, kStand);
-  EXPECT_GE(sure ? sure->expected_probability : 0, unsure ? unsure->expected_probability : 0);
+  ASSERT_TRUE(sure);
+  EXPECT_LT(unsure ? unsure->expected_probability : 0, sure->expected_probability - 0.1);
 }
 
 TEST(Advise, IsTheSameEveryTime) {

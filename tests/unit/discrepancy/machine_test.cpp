@@ -679,7 +679,7 @@ TEST(MachineFit, AModeSlowerThanTheRecordHasNoGainThatTheRecordShows) {
   // Weights: level and difference of the last section, level (and difference) of the first, the input.
   EXPECT_EQ(gain_seen(data, slow_first, {5, 3, 7, 2}), 2);
   EXPECT_EQ(gain_seen(data, fast_first, {5, 7, 3, 2}), 9);
-  EXPECT_EQ(gain_at_rest(fast_first, {5, 7, 3, 2}), 14);
+  EXPECT_EQ(gain_at_rest(fast_first, std::vector<double>{5, 7, 3, 2}), 14);
 }
 
 TEST(MachineConclusion, ALoopWhoseWayBackIsItsWayThereIsNoHysteresis) {

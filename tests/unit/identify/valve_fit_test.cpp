@@ -26,7 +26,7 @@ TEST(ValveFit, FindsParametersAndMapOfAKnownValve) {
   const Eigen::VectorXd truth = to_vector(valve.parameters);
   const Eigen::VectorXd found = to_vector(fit->parameters);
   for (Eigen::Index j = 0; j < truth.size(); ++j) {
-    // Four standard errors, as the fit itself states them; the knots' 0.025 A leave a little curvature on top.
+    // Five standard errors, as the fit itself states them; the knots' 0.025 A leave a little curvature on top.
     EXPECT_NEAR(found(j), truth(j), 5 * std::sqrt(fit->covariance(j, j)))
         << kValveParameters[static_cast<std::size_t>(j)].name;
   }
@@ -114,7 +114,7 @@ TEST(ValveFit, APriorHoldsWhatTheRecordingsDoNotShow) {
   options.prior = ValvePrior{Eigen::VectorXd(p), Eigen::MatrixXd::Identity(p, p)};
   options.prior->mean << to_vector(known->parameters),
       Eigen::Map<const Eigen::VectorXd>(known->map.output.data(), p - parameters);
-  options.prior->covariance.diagonal().head(parameters) << 0.01, 0.01, 1e-6, 1e-6, 0.01, 0.01, 0.01;
+  options.prior->covariance.diagonal().head(parameters) << 0.01, 0.01, 1e-6, 1e-6, 0.01, 0.01, 0.01, 1e-6;
   const auto fit = fit_valve(alone, options);
   ASSERT_TRUE(fit);
   EXPECT_NEAR(fit->map(1.8), known->map(1.8), 0.5);

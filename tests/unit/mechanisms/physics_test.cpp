@@ -46,6 +46,15 @@ TEST(Physics, NeutralLawsLeaveTheBlocksAsTheyAre) {
   }
 }
 
+TEST(Physics, AModeThatHardlyPeaksIsNoResonance) {
+  const Mechanism& law = *find_mechanism("resonance");
+  const std::vector<double> lower{0.1, 0.005}, upper{80, 0.7};
+  EXPECT_FALSE(law.is_cut_off(std::vector<double>{30, 0.1}, lower, upper));
+  EXPECT_FALSE(law.is_cut_off(std::vector<double>{30, 0.49}, lower, upper));
+  EXPECT_TRUE(law.is_cut_off(std::vector<double>{30, 0.51}, lower, upper));
+  EXPECT_TRUE(law.is_cut_off(std::vector<double>{79.9, 0.1}, lower, upper));
+}
+
 TEST(Physics, APowerThatNoOrificeHasIsAnotherEffects) {
   const Mechanism& law = *find_mechanism("orifice_flow");
   const std::vector<double> lower{-0.5}, upper{0.6};
