@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cstdio>
 #include <exception>
 
 #include "server/commands/commands.h"
@@ -40,6 +41,11 @@ int main(int argc, char** argv) {
     return app.exit(error) == 0 ? kDone : kBadInput;
   } catch (const std::exception& error) {
     print_error({.code = "internal", .message = error.what()});
+    return kFailure;
+  }
+  // What could not be written, on a full disk, was not done.
+  if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
+    print_error({.code = "cannot_write", .message = "standard output cannot be written"});
     return kFailure;
   }
   return exit_status;

@@ -3,7 +3,10 @@
 #include <fmt/format.h>
 #include <malloc.h>
 
+#include <algorithm>
 #include <cstdio>
+#include <iterator>
+#include <string_view>
 
 namespace valvetriage {
 
@@ -24,7 +27,9 @@ void print_error(const Error& error) {
 
 ExitStatus ended_by(const Error& error) {
   print_error(error);
-  return error.code == "cannot_write" || error.code == "internal" ? kFailure : kBadInput;
+  static constexpr std::string_view kFailures[] = {"cannot_write", "internal", "no_connection", "no_chromium"};
+  return std::find(std::begin(kFailures), std::end(kFailures), error.code) != std::end(kFailures) ? kFailure
+                                                                                                  : kBadInput;
 }
 
 }  // namespace valvetriage

@@ -58,8 +58,8 @@ Result<Reference> open_reference(const std::string& file) {
 
 Result<void> write_output(const std::string& file, const std::string& text) {
   if (file.empty() || file == "-") {
-    std::fwrite(text.data(), 1, text.size(), stdout);
-    if (std::fflush(stdout) != 0) return tl::unexpected(cannot_write("standard output"));
+    const bool is_written = std::fwrite(text.data(), 1, text.size(), stdout) == text.size();
+    if (!is_written || std::fflush(stdout) != 0) return tl::unexpected(cannot_write("standard output"));
     return {};
   }
   std::error_code ignored;

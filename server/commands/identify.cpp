@@ -212,7 +212,7 @@ ExitStatus follow(const IdentifyArguments& arguments, IdentificationMethod metho
   auto rls = RecursiveLeastSquares::create(options);
   if (!rls) return ended_by(rls.error());
 
-  LiveRows rows(read->mapping);
+  LiveRows rows(read->mapping, read->metadata);
   ExitStatus status = kDone;
   double last_time_s = 0;
   bool printed = false;

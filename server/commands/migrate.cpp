@@ -28,7 +28,8 @@ void add_migrate_command(CLI::App& app, int& exit_status) {
   verb->callback([options, &exit_status] {
     const auto migrated = migrate(*options);
     if (!migrated) print_error(migrated.error());
-    exit_status = migrated ? kDone : kFailure;
+    const bool is_usage = !migrated && migrated.error().code == "unsupported_database";
+    exit_status = migrated ? kDone : is_usage ? kBadInput : kFailure;
   });
 }
 

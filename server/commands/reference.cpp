@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "core/analysis/learn_reference.h"
+#include "core/recording/text.h"
 #include "server/commands/commands.h"
 #include "server/commands/documents.h"
 #include "server/commands/progress_line.h"
@@ -43,7 +44,7 @@ std::vector<fs::path> entries_of(const fs::path& folder) {
 
 bool is_recording_name(const fs::path& file) {
   static constexpr std::string_view kEndings[] = {".csv", ".json", ".mat", ".gz", ".zst"};
-  const std::string name = file.filename().string();
+  const std::string name = to_lower_ascii(file.filename().string());
   return std::any_of(std::begin(kEndings), std::end(kEndings), [&](auto ending) { return name.ends_with(ending); });
 }
 
@@ -53,7 +54,7 @@ bool is_folder_inside(const fs::path& entry) {
   return fs::is_directory(entry, unreadable) && !fs::is_symlink(entry, unreadable);
 }
 
-/// A folder of recordings is one valve, a folder of folders several.
+/// A folder of recordings is one valve, a folder of folders several; what lies beside the folders is one as well.
 void add_folder(const fs::path& folder, std::vector<ValveFiles>& valves) {
   ValveFiles valve{.name = folder.filename().string(), .files = {}};
   std::vector<fs::path> folders;
@@ -64,17 +65,26 @@ void add_folder(const fs::path& folder, std::vector<ValveFiles>& valves) {
       valve.files.push_back(entry.string());
     }
   }
-  if (!folders.empty()) {
-    for (const fs::path& inner : folders) add_folder(inner, valves);
-  } else if (!valve.files.empty()) {
-    valves.push_back(std::move(valve));
-  }
+  if (!valve.files.empty()) valves.push_back(std::move(valve));
+  for (const fs::path& inner : folders) add_folder(inner, valves);
 }
 
-ValveRecordings read_into(ValveRecordings valve, std::vector<ReadRecording> recordings) {
+/// The recordings of one folder, called as they call it or as the folder is called.
+Result<ValveRecordings> one_valve(const std::string& folder, std::vector<ReadRecording> recordings) {
+  ValveRecordings valve{.serial = folder, .recordings = {}};
+  valve.recordings.reserve(recordings.size());
+  const Recording* named = nullptr;
   for (ReadRecording& read : recordings) {
-    if (read.recording.metadata.serial) valve.serial = *read.recording.metadata.serial;
+    const auto serial = read.recording.metadata.serial;
+    if (serial && named && *serial != valve.serial) {
+      return fail("several_valves",
+                  fmt::format("{} is of valve {}, {} of valve {}: a folder of recordings is one valve", named->name,
+                              valve.serial, read.recording.name, *serial));
+    }
     valve.recordings.push_back(std::move(read.recording));
+    if (!serial) continue;
+    valve.serial = *serial;
+    named = &valve.recordings.back();
   }
   return valve;
 }
@@ -119,7 +129,9 @@ Result<std::vector<ValveRecordings>> read_valves(const std::vector<std::string>&
   for (const ValveFiles& folder : folders) {
     auto read = read_recordings(folder.files, options);
     if (!read) return tl::unexpected(read.error());
-    valves->push_back(read_into({.serial = folder.name, .recordings = {}}, std::move(*read)));
+    auto valve = one_valve(folder.name, std::move(*read));
+    if (!valve) return tl::unexpected(valve.error());
+    valves->push_back(std::move(*valve));
   }
   return valves;
 }

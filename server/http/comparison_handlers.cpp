@@ -1,4 +1,4 @@
-#include <algorithm>
+#include <boost/math/statistics/univariate_statistics.hpp>
 #include <cmath>
 #include <map>
 #include <set>
@@ -18,10 +18,6 @@ struct Side {
   Filter filter;
   LotHistory history;
 };
-
-Json text_or_null(const std::optional<std::string>& text) {
-  return text ? Json(*text) : Json(nullptr);
-}
 
 Result<Side> side_of(Service& service, const Request& request, const std::string& lot, const std::string& stand) {
   Side side;
@@ -54,8 +50,8 @@ std::map<std::string, std::int64_t> count_verdicts(const Side& side) {
 }
 
 Json view(const Side& side) {
-  return Json{{"lot", text_or_null(side.filter.lot)},
-              {"stand", text_or_null(side.filter.stand)},
+  return Json{{"lot", or_null(side.filter.lot)},
+              {"stand", or_null(side.filter.stand)},
               {"valves", side.history.valves.size()},
               {"verdicts", count_verdicts(side)}};
 }
@@ -90,11 +86,8 @@ Json shares(const Side& a, const Side& b, std::map<std::string, std::int64_t> (*
   return items;
 }
 
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  if (values.size() % 2 == 1) return *middle;
-  return 0.5 * (*middle + *std::max_element(values.begin(), middle));
+double median_of(std::vector<double> values) {
+  return boost::math::statistics::median(values);
 }
 
 const FigureHistory* level_at(const Side& side, double level_a) {
@@ -111,9 +104,9 @@ Json levels(const Side& a, const Side& b) {
     if (other == nullptr) continue;
     const double p = rank_sum_p_value(level.values, other->values);
     items.push_back(Json{{"level_A", level_a},
-                         {"a", Json{{"valves", level.values.size()}, {"median", median(level.values)}}},
-                         {"b", Json{{"valves", other->values.size()}, {"median", median(other->values)}}},
-                         {"p_value", std::isfinite(p) ? Json(p) : Json(nullptr)}});
+                         {"a", Json{{"valves", level.values.size()}, {"median", median_of(level.values)}}},
+                         {"b", Json{{"valves", other->values.size()}, {"median", median_of(other->values)}}},
+                         {"p_value", finite_or_null(p)}});
   }
   return items;
 }
@@ -159,7 +152,7 @@ Result<Response> list_stands(Service& service, Request& request) {
                          {"causes", causes},
                          {"alarms", std::move(of_stand)}});
   }
-  return list_response(request, std::move(items), std::nullopt);
+  return whole_list_response(request, std::move(items));
 }
 
 }  // namespace valvetriage::http

@@ -20,7 +20,7 @@ Result<Response> list_documents(Service& service, Request& request, DocumentKind
   if (!rows) return tl::unexpected(rows.error());
   std::vector<Json> items;
   for (const DocumentRow& row : *rows) items.push_back(view(row));
-  return list_response(request, std::move(items), std::nullopt);
+  return whole_list_response(request, std::move(items));
 }
 
 Result<Response> add_document(Service& service, Request& request, DocumentKind kind, const Json& body,
@@ -48,7 +48,15 @@ Result<Response> get_document(Service& service, Request& request, DocumentKind k
   auto document = service.store.document(kind, request.captures[0], version);
   if (!document) return tl::unexpected(document.error());
   Response response;
-  if (!is_known(request, document->row.sha256, response)) response.body = std::move(document->body_json);
+  if (is_known(request, document->row.sha256, response)) return response;
+  // A reference carries its version: the one under which the store keeps it.
+  auto body = parse_json(document->body_json);
+  if (body && body->contains("version")) {
+    (*body)["version"] = document->row.version;
+    response.body = dump_json(*body);
+  } else {
+    response.body = std::move(document->body_json);
+  }
   return response;
 }
 

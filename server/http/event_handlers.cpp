@@ -49,8 +49,8 @@ Result<std::chrono::duration<double>> longest_wait(const Request& request) {
   return tl::unexpected(bad);
 }
 
-Response event_response(const std::vector<EventRow>& rows, std::int64_t after) {
-  Json items = Json::array();
+Result<Response> event_response(const Request& request, const std::vector<EventRow>& rows, std::int64_t after) {
+  std::vector<Json> items;
   for (const EventRow& row : rows) {
     auto detail = parse_json(row.detail_json);
     items.push_back(Json{{"cursor", std::to_string(row.cursor)},
@@ -61,8 +61,8 @@ Response event_response(const std::vector<EventRow>& rows, std::int64_t after) {
                          {"detail", detail ? std::move(*detail) : Json(nullptr)}});
   }
   const std::int64_t next = rows.empty() ? after : rows.back().cursor;
-  Response response = json_response(Json{{"items", std::move(items)}, {"next", std::to_string(next)}});
-  response.set_header("Cache-Control", "no-store");
+  auto response = list_response(request, std::move(items), std::to_string(next));
+  if (response) response->set_header("Cache-Control", "no-store");
   return response;
 }
 
@@ -77,7 +77,7 @@ Result<Response> get_events(Service& service, Request& request) {
   if (!asked) {
     const auto newest = service.store.newest_event();
     if (!newest) return tl::unexpected(newest.error());
-    return event_response({}, *newest);
+    return event_response(request, {}, *newest);
   }
   const auto after = cursor_of(*asked);
   if (!after) return tl::unexpected(after.error());
@@ -86,7 +86,8 @@ Result<Response> get_events(Service& service, Request& request) {
   for (;;) {
     const auto rows = service.store.events_after(*after, page->limit);
     if (!rows) return tl::unexpected(rows.error());
-    if (!rows->empty() || steady_clock::now() >= until || service.stopping()) return event_response(*rows, *after);
+    if (!rows->empty() || steady_clock::now() >= until || service.stopping())
+      return event_response(request, *rows, *after);
     if (!place) place.emplace(service);
     if (!place->taken()) return fail("busy", "too many requests wait for events already; ask again without wait_s");
     std::this_thread::sleep_for(kEventInterval);

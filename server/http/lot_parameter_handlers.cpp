@@ -1,5 +1,3 @@
-#include <cmath>
-
 #include "server/http/handlers.h"
 #include "server/http/lot_sizes.h"
 #include "server/http/stored_history.h"
@@ -8,15 +6,11 @@
 namespace valvetriage::http {
 namespace {
 
-Json number_or_null(double value) {
-  return std::isfinite(value) ? Json(value) : Json(nullptr);
-}
-
 Json view(const report::SizedValve& valve) {
   return Json{{"submission_id", valve.submission_id},
               {"serial", valve.serial.empty() ? Json(nullptr) : Json(valve.serial)},
               {"value", valve.value},
-              {"ci95", Json::array({number_or_null(valve.ci95[0]), number_or_null(valve.ci95[1])})}};
+              {"ci95", Json::array({finite_or_null(valve.ci95[0]), finite_or_null(valve.ci95[1])})}};
 }
 
 Json view(const report::CauseSizes& cause) {
@@ -26,8 +20,8 @@ Json view(const report::CauseSizes& cause) {
     for (const report::SizedValve& valve : parameter.values) values.push_back(view(valve));
     parameters.push_back(Json{{"name", parameter.name},
                               {"unit", parameter.unit},
-                              {"population_mean", number_or_null(parameter.population_mean)},
-                              {"population_sd", number_or_null(parameter.population_sd)},
+                              {"population_mean", finite_or_null(parameter.population_mean)},
+                              {"population_sd", finite_or_null(parameter.population_sd)},
                               {"values", std::move(values)}});
   }
   return Json{{"cause", cause.cause}, {"valves", cause.valves}, {"parameters", std::move(parameters)}};

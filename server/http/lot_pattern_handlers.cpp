@@ -1,5 +1,3 @@
-#include <cmath>
-
 #include "server/http/handlers.h"
 #include "server/http/stored_history.h"
 #include "server/http/stored_patterns.h"
@@ -11,14 +9,13 @@ namespace {
 
 Json numbers(const std::vector<double>& values) {
   Json array = Json::array();
-  for (const double value : values) array.push_back(std::isfinite(value) ? Json(value) : Json(nullptr));
+  for (const double value : values) array.push_back(finite_or_null(value));
   return array;
 }
 
 Json valve_entry(const SubmissionRow& valve) {
-  return Json{{"submission_id", valve.id},
-              {"serial", valve.labels.serial ? Json(*valve.labels.serial) : Json(nullptr)},
-              {"stand", valve.labels.stand ? Json(*valve.labels.stand) : Json(nullptr)}};
+  return Json{
+      {"submission_id", valve.id}, {"serial", or_null(valve.labels.serial)}, {"stand", or_null(valve.labels.stand)}};
 }
 
 Json view(const LotPattern& pattern, const std::vector<const SubmissionRow*>& compared) {

@@ -10,7 +10,7 @@ Json view(const report::FigureShift& found) {
   const auto [low, high] = found.difference_ci95();
   return Json{{"name", found.figure.name},
               {"unit", found.figure.unit},
-              {"level_A", found.figure.level_a ? Json(*found.figure.level_a) : Json(nullptr)},
+              {"level_A", or_null(found.figure.level_a)},
               {"words", report::figure_words(found.figure)},
               {"good_mean", found.good_mean()},
               {"lot_mean", found.lot_mean()},

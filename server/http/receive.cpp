@@ -50,7 +50,7 @@ Result<ReceivedFile> receive_file(Service& service, ByteSource& bytes, const std
                                   const Metadata& options) {
   auto writer = service.blobs.begin(static_cast<std::int64_t>(kMaxExpandedBytes));
   if (!writer) return tl::unexpected(writer.error());
-  const auto expanded = expand(compression_of_name(sent_name), bytes, kMaxExpandedBytes);
+  const auto expanded = expand(bytes, kMaxExpandedBytes);
   std::string head, piece(kPieceBytes, '\0');
   std::size_t unlooked = kBytesBetweenLooks;
   for (;;) {

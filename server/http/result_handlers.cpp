@@ -154,7 +154,7 @@ Result<Response> list_analyses(Service& service, Request& request) {
   if (!submission) return tl::unexpected(submission.error());
   const auto rows = service.store.analyses_of(submission->id);
   if (!rows) return tl::unexpected(rows.error());
-  return list_response(request, views(*rows), std::nullopt);
+  return whole_list_response(request, views(*rows));
 }
 
 Result<Response> get_job(Service& service, Request& request) {

@@ -135,7 +135,9 @@ Result<Json> stored_response(Service& service, const Request& request, const Rec
 Result<Response> bode_response(Service& service, Request& request, const RecordingRow& row) {
   auto entry = stored_response(service, request, row);
   if (!entry) return tl::unexpected(entry.error());
-  if (request.parameter("format") == "csv") {
+  const auto csv = wants_csv(request);
+  if (!csv) return tl::unexpected(csv.error());
+  if (*csv) {
     std::vector<Json> rows;
     const auto at = [&](const char* name, std::size_t i) { return (*entry)[name][i]; };
     for (std::size_t i = 0; i < (*entry)["frequency_hz"].size(); ++i) {
@@ -236,7 +238,9 @@ Result<Response> get_series(Service& service, Request& request) {
   const report::Points shown =
       report::downsample(report::grid_times(*recording), *values, wanted->from, wanted->to, wanted->points);
   const Channel& channel = wanted->what == Shown::kInput ? recording->input : recording->output;
-  if (request.parameter("format") == "csv") {
+  const auto csv = wants_csv(request);
+  if (!csv) return tl::unexpected(csv.error());
+  if (*csv) {
     std::vector<Json> rows;
     for (std::size_t i = 0; i < shown.value.size(); ++i) {
       rows.push_back(Json{{"time_s", shown.time_s[i]}, {wanted->name, shown.value[i]}});

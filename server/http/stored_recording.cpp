@@ -11,9 +11,8 @@ namespace {
 constexpr std::chrono::seconds kPatience{5};
 
 /// A MAT file, which this process never opens itself.
-Result<Recording> read_stored_mat(Service& service, const RecordingRow& row, const std::string& options_json,
-                                  const ReadOptions& options) {
-  auto raw = read_in_child({.path = service.blobs.path_of(row.sha256), .name = row.name, .options_json = options_json});
+Result<Recording> read_stored_mat(const FileToRead& file, const ReadOptions& options) {
+  auto raw = read_in_child(file);
   if (!raw && raw.error().code == "unreadable") return fail("not_available", raw.error().message);
   if (!raw) return tl::unexpected(raw.error());
   if (auto applied = apply_metadata_options(raw->metadata, options.metadata); !applied) {
@@ -32,16 +31,12 @@ Result<PlaceForWork> PlaceForWork::take(Places& places) {
 Result<Recording> read_stored_recording(Service& service, const RecordingRow& row) {
   const auto job = service.store.job(row.job_id);
   if (!job) return tl::unexpected(job.error());
-  const auto mapping = column_mapping_of(job->options_json);
-  if (!mapping) return tl::unexpected(mapping.error());
-  ReadOptions options;
-  options.name = row.name;
-  options.mapping = *mapping;
-  options.metadata.test = row.test;
-  auto read = read_recording_file(service.blobs.path_of(row.sha256), options);
-  if (!read && read.error().code == "mat_not_allowed") {
-    return read_stored_mat(service, row, job->options_json, options);
-  }
+  const FileToRead file{
+      .path = service.blobs.path_of(row.sha256), .name = row.name, .options_json = job->options_json, .test = row.test};
+  const auto options = read_options_of(file);
+  if (!options) return tl::unexpected(options.error());
+  auto read = read_recording_file(file.path, *options);
+  if (!read && read.error().code == "mat_not_allowed") return read_stored_mat(file, *options);
   if (!read) return tl::unexpected(read.error());
   return std::move(read->recording);
 }

@@ -56,7 +56,7 @@ Result<Metadata> labels_of_file(const std::string& file, const ColumnMapping& ma
   std::ifstream in(file, std::ios::binary);
   if (!in || fs::is_directory(file)) return cannot_read(file);
   StreamSource source(in);
-  const auto expanded = expand(compression_of_name(file), source, UINT64_MAX);
+  const auto expanded = expand(source, UINT64_MAX);
   std::string head(kMetadataHeadBytes, '\0');
   std::size_t size = 0;
   while (size < head.size()) {

@@ -44,7 +44,7 @@ Result<Response> get_summary(Service& service, Request& request) {
 Result<Response> list_causes(Service&, Request& request) {
   std::vector<Json> items;
   for (const Mechanism* law : all_mechanisms()) items.push_back(cause_view(*law));
-  return list_response(request, std::move(items), std::nullopt);
+  return whole_list_response(request, std::move(items));
 }
 
 }  // namespace valvetriage::http

@@ -34,7 +34,7 @@ Result<Response> list_tokens(Service& service, Request& request) {
   if (!rows) return tl::unexpected(rows.error());
   std::vector<Json> items;
   for (const TokenRow& row : *rows) items.push_back(view(row));
-  return list_response(request, std::move(items), std::nullopt);
+  return whole_list_response(request, std::move(items));
 }
 
 Result<Response> post_token(Service& service, Request& request) {

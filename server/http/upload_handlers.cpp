@@ -91,10 +91,9 @@ Result<void> read_labels(Service& service, ReceivedFile& file, const std::string
   if (!file.labels_inside) return {};
   const auto place = PlaceForWork::take(service.computations);
   if (!place) return tl::unexpected(place.error());
-  auto read = read_in_child({.path = service.blobs.path_of(file.blob.sha256()),
-                             .name = file.name,
-                             .options_json = options_json,
-                             .labels_only = true});
+  auto read = read_in_child(
+      {.path = service.blobs.path_of(file.blob.sha256()), .name = file.name, .options_json = options_json},
+      WhatToRead::kLabels);
   if (!read) return {};
   if (auto applied = apply_metadata_options(read->metadata, file.metadata); !applied) {
     applied.error().file = file.name;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <iterator>
 
 #include "core/classify/verdict.h"
 #include "core/mechanisms/mechanism.h"
@@ -12,11 +13,6 @@
 
 namespace valvetriage::http {
 namespace {
-
-template <typename T>
-Json or_null(const std::optional<T>& value) {
-  return value ? Json(*value) : Json(nullptr);
-}
 
 Json time_or_null(const std::optional<TimestampMs>& time) {
   return time ? Json(format_rfc3339(*time)) : Json(nullptr);
@@ -71,12 +67,6 @@ std::string csv_cell(const Json& value) {
   std::string quoted = "\"";
   for (const char c : text) quoted.append(c == '"' ? 2 : 1, c);
   return quoted + '"';
-}
-
-bool wants_csv(const Request& request) {
-  const std::string format = request.parameter("format");
-  if (!format.empty()) return format == "csv";
-  return request.head.header("accept").value_or("").starts_with("text/csv");
 }
 
 Error bad_filter(std::string_view name, std::string_view found, std::string expected) {
@@ -270,16 +260,45 @@ Response json_response(const Json& document, int status) {
   return response;
 }
 
-Response list_response(const Request& request, std::vector<Json> items, const std::optional<std::string>& next) {
-  if (!wants_csv(request)) {
-    return json_response(Json{{"items", std::move(items)}, {"next", or_null(next)}});
-  }
+Result<bool> wants_csv(const Request& request) {
+  const std::string format = request.parameter("format");
+  if (format.empty()) return request.head.header("accept").value_or("").starts_with("text/csv");
+  if (format != "csv" && format != "json") return tl::unexpected(bad_filter("format", format, "csv or json"));
+  return format == "csv";
+}
+
+Result<Response> list_response(const Request& request, std::vector<Json> items,
+                               const std::optional<std::string>& next) {
+  const auto csv = wants_csv(request);
+  if (!csv) return tl::unexpected(csv.error());
+  if (!*csv) return json_response(Json{{"items", std::move(items)}, {"next", or_null(next)}});
   Response response;
-  response.content_type = "text/csv; charset=utf-8; header=present";
+  response.content_type = fmt::format("text/csv; charset=utf-8; header={}", items.empty() ? "absent" : "present");
   response.body = to_csv(items);
   if (next) response.set_header("X-Next-Cursor", *next);
   response.set_header("Content-Disposition", "attachment; filename=\"list.csv\"");
   return response;
+}
+
+Result<Response> whole_list_response(const Request& request, std::vector<Json> items) {
+  const auto page = page_request(request);
+  if (!page) return tl::unexpected(page.error());
+  std::size_t begin = 0;
+  if (page->cursor) {
+    const char* const last = page->cursor->data() + page->cursor->size();
+    const auto [end, error] = std::from_chars(page->cursor->data(), last, begin);
+    if (error != std::errc() || end != last || begin > items.size()) {
+      return fail("invalid_cursor", "cursor is not one that an earlier page gave as 'next'");
+    }
+  }
+  const std::size_t left = items.size() - begin;
+  const bool is_bounded = request.head.parameter("limit").has_value();
+  const std::size_t count = is_bounded ? std::min(left, static_cast<std::size_t>(page->limit)) : left;
+  const auto first = items.begin() + static_cast<std::ptrdiff_t>(begin);
+  std::vector<Json> shown(std::make_move_iterator(first),
+                          std::make_move_iterator(first + static_cast<std::ptrdiff_t>(count)));
+  const auto next = count < left ? std::optional(std::to_string(begin + count)) : std::nullopt;
+  return list_response(request, std::move(shown), next);
 }
 
 Result<PageRequest> page_request(const Request& request) {

@@ -27,9 +27,15 @@ Json view(const StandAlarm& alarm, const std::vector<SubmissionRow>& valves);
 
 Response json_response(const Json& document, int status = 200);
 
-/// A list as JSON, {"items", "next"}, or as text/csv where `format=csv` or Accept asks for it. A CSV has the members of
-/// the items as its columns; `next` stands in the header X-Next-Cursor.
-Response list_response(const Request& request, std::vector<Json> items, const std::optional<std::string>& next);
+/// Whether `format`, or without it Accept, asks for text/csv. Errors `bad_parameter` for any other format than json.
+Result<bool> wants_csv(const Request& request);
+
+/// A list as JSON, {"items", "next"}, or as text/csv where that is asked for. A CSV has the members of the items as its
+/// columns, none where there are no items; `next` stands in the header X-Next-Cursor. Errors as wants_csv
+Result<Response> list_response(const Request& request, std::vector<Json> items, const std::optional<std::string>& next);
+/// A page of a list that is short enough to be held whole: all of it where no `limit` is given. Errors as wants_csv and
+/// page_request, and `invalid_cursor`
+Result<Response> whole_list_response(const Request& request, std::vector<Json> items);
 
 /// `limit` and `cursor`. Errors `bad_parameter`.
 Result<PageRequest> page_request(const Request& request);

@@ -11,14 +11,10 @@
 namespace valvetriage {
 namespace {
 
-Json to_json(const std::optional<std::string>& text) {
-  return text ? Json(*text) : Json(nullptr);
-}
-
 Json describe(const AcceptedFile& file) {
   return {{"name", file.name},
           {"sha256", file.blob.sha256()},
-          {"test", to_json(file.test)},
+          {"test", or_null(file.test)},
           {"metadata", file.metadata_json}};
 }
 
@@ -62,11 +58,11 @@ int retry_after_s(std::int64_t queued_jobs, int workers, double seconds_per_job)
 std::string request_sha256(const AcceptRequest& request) {
   const Labels& labels = request.labels;
   Json all = {{"alone", request.alone},
-              {"lot", to_json(labels.lot)},
-              {"serial", to_json(labels.serial)},
-              {"valve_type", to_json(labels.valve_type)},
-              {"condition", to_json(labels.condition)},
-              {"stand", to_json(labels.stand)},
+              {"lot", or_null(labels.lot)},
+              {"serial", or_null(labels.serial)},
+              {"valve_type", or_null(labels.valve_type)},
+              {"condition", or_null(labels.condition)},
+              {"stand", or_null(labels.stand)},
               {"options", request.options_json},
               {"files", Json::array()}};
   for (const AcceptedFile& file : request.files) all["files"].push_back(describe(file));

@@ -63,7 +63,7 @@ std::string settings_sha256(const AnalysisOptions& options, const ColumnMapping&
                 {"rule_base", options.rule_base ? Json(options.rule_base->sha256) : Json(nullptr)},
                 {"columns", Json::array({mapping.time, mapping.input, mapping.output})},
                 {"side", mapping.side},
-                {"sample_rate_hz", mapping.sample_rate_hz ? Json(*mapping.sample_rate_hz) : Json(nullptr)}};
+                {"sample_rate_hz", or_null(mapping.sample_rate_hz)}};
   return canonical_sha256(settings);
 }
 

@@ -10,18 +10,11 @@
 namespace valvetriage {
 namespace {
 
-Json nullable(const std::optional<std::string>& text) {
-  return text ? Json(*text) : Json(nullptr);
-}
-Json nullable(const std::optional<double>& number) {
-  return number ? Json(*number) : Json(nullptr);
-}
-
 Json to_json(const JobFile& file) {
   return {{"name", file.name},
           {"sha256", file.sha256},
           {"path", file.path},
-          {"test", nullable(file.test)},
+          {"test", or_null(file.test)},
           {"metadata", file.metadata_json}};
 }
 
@@ -34,11 +27,11 @@ JobFile file_from(JsonFields fields) {
 }
 
 Json to_json(const Labels& labels) {
-  return {{"lot", nullable(labels.lot)},
-          {"serial", nullable(labels.serial)},
-          {"valve_type", nullable(labels.valve_type)},
-          {"condition", nullable(labels.condition)},
-          {"stand", nullable(labels.stand)}};
+  return {{"lot", or_null(labels.lot)},
+          {"serial", or_null(labels.serial)},
+          {"valve_type", or_null(labels.valve_type)},
+          {"condition", or_null(labels.condition)},
+          {"stand", or_null(labels.stand)}};
 }
 
 Labels labels_from(JsonFields fields) {
@@ -58,12 +51,12 @@ Json to_json(const AnalysisSummary& summary) {
   for (const CauseSummary& cause : summary.causes) {
     causes.push_back({{"cause", cause.cause}, {"probability", cause.probability}, {"settled", cause.settled}});
   }
-  return {{"verdict", nullable(summary.verdict)},
-          {"reason", nullable(summary.reason)},
-          {"action", nullable(summary.action)},
-          {"conclusion", nullable(summary.conclusion)},
-          {"top_cause", nullable(summary.top_cause)},
-          {"top_cause_probability", nullable(summary.top_cause_probability)},
+  return {{"verdict", or_null(summary.verdict)},
+          {"reason", or_null(summary.reason)},
+          {"action", or_null(summary.action)},
+          {"conclusion", or_null(summary.conclusion)},
+          {"top_cause", or_null(summary.top_cause)},
+          {"top_cause_probability", or_null(summary.top_cause_probability)},
           {"causes", std::move(causes)},
           {"errors", std::move(errors)},
           {"features", summary.features}};
@@ -125,8 +118,8 @@ std::string to_json_text(const JobSpec& spec) {
                     {"files", std::move(files)},
                     {"labels", to_json(spec.labels)},
                     {"options", spec.options_json},
-                    {"reference", nullable(spec.reference_json)},
-                    {"rule_base", nullable(spec.rule_base_json)},
+                    {"reference", or_null(spec.reference_json)},
+                    {"rule_base", or_null(spec.rule_base_json)},
                     {"reference_version", spec.reference_version}});
 }
 
@@ -175,14 +168,9 @@ std::string problem_json(const Error& error) {
 }
 
 Json refusal_json(const Error& error) {
-  return {{"code", error.code},
-          {"message", error.message},
-          {"file", error.file},
-          {"field", error.field},
-          {"found", error.found},
-          {"expected", error.expected},
-          {"line", error.line ? Json(*error.line) : Json(nullptr)},
-          {"column", error.column ? Json(*error.column) : Json(nullptr)}};
+  return {{"code", error.code},          {"message", error.message},       {"file", error.file},
+          {"field", error.field},        {"found", error.found},           {"expected", error.expected},
+          {"line", or_null(error.line)}, {"column", or_null(error.column)}};
 }
 
 Error refusal_from(JsonFields fields) {

@@ -11,7 +11,6 @@
 #include "core/analysis/learn_reference.h"
 #include "server/jobs/child_process.h"
 #include "server/jobs/child_protocol.h"
-#include "server/jobs/reading_child.h"
 #include "server/wire/json.h"
 #include "server/wire/json_fields.h"
 #include "server/wire/read_recording.h"
@@ -26,16 +25,9 @@ namespace {
 constexpr std::int64_t kPatienceS = 3600;
 constexpr std::int64_t kMemoryBytes = std::int64_t{8} << 30;
 
-Json to_json(const FileOfGoodValve& file) {
-  return {{"path", file.path},
-          {"name", file.name},
-          {"options", file.options_json},
-          {"test", file.test ? Json(*file.test) : Json(nullptr)}};
-}
-
 Json to_json(const GoodValve& valve) {
   Json files = Json::array();
-  for (const FileOfGoodValve& file : valve.files) files.push_back(to_json(file));
+  for (const FileToRead& file : valve.files) files.push_back(to_json(file));
   return {{"serial", valve.serial}, {"files", std::move(files)}};
 }
 
@@ -51,27 +43,17 @@ Result<ToLearn> to_learn_from(const Json& document) {
   for (JsonFields valve : fields.objects("valves")) {
     GoodValve& good = learn.valves.emplace_back();
     good.serial = valve.text("serial");
-    for (JsonFields file : valve.objects("files")) {
-      FileOfGoodValve& of_valve = good.files.emplace_back();
-      of_valve.path = file.text("path");
-      of_valve.name = file.text("name");
-      of_valve.options_json = file.text("options");
-      of_valve.test = file.optional_text("test");
-    }
+    for (JsonFields file : valve.objects("files")) good.files.push_back(file_to_read_from(file));
   }
   if (error) return tl::unexpected(*error);
   return learn;
 }
 
-Result<Recording> read(const FileOfGoodValve& file) {
-  const auto mapping = column_mapping_of(file.options_json);
-  if (!mapping) return tl::unexpected(mapping.error());
-  ReadOptions options;
-  options.name = file.name;
-  options.mapping = *mapping;
-  options.metadata.test = file.test;
-  options.allow_mat = true;  // the child is there for that
-  auto read = read_recording_file(file.path, options);
+Result<Recording> read(const FileToRead& file) {
+  auto options = read_options_of(file);
+  if (!options) return tl::unexpected(options.error());
+  options->allow_mat = true;  // the child is there for that
+  auto read = read_recording_file(file.path, *options);
   if (!read) return tl::unexpected(read.error());
   return std::move(read->recording);
 }
@@ -81,7 +63,7 @@ Result<Reference> learn_here(const ToLearn& learn) {
   for (const GoodValve& good : learn.valves) {
     ValveRecordings& valve = valves.emplace_back();
     valve.serial = good.serial;
-    for (const FileOfGoodValve& file : good.files) {
+    for (const FileToRead& file : good.files) {
       auto recording = read(file);
       if (!recording) return tl::unexpected(recording.error());
       valve.recordings.push_back(std::move(*recording));

@@ -1,13 +1,13 @@
 #pragma once
 
 #include <functional>
-#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "core/model/reference.h"
 #include "core/result.h"
+#include "server/jobs/file_to_read.h"
 
 namespace valvetriage {
 
@@ -17,19 +17,10 @@ namespace valvetriage {
 /// The hidden verb of the binary that learns one reference: `valvetriage learning-child`.
 inline constexpr std::string_view kLearningVerb = "learning-child";
 
-/// A recording of a good valve as it was accepted.
-///
-/// options_json  of its newest job: column mapping, sample rate
-struct FileOfGoodValve {
-  std::string path{};
-  std::string name{};
-  std::string options_json = "{}";
-  std::optional<std::string> test{};
-};
-
+/// files  with the options of their newest jobs
 struct GoodValve {
   std::string serial{};
-  std::vector<FileOfGoodValve> files{};
+  std::vector<FileToRead> files{};
 };
 
 /// Starts a child, which reads the valves' files and learns what they have in common.

@@ -10,7 +10,6 @@
 #include <optional>
 #include <utility>
 
-#include "core/recording/columns.h"
 #include "core/recording/metadata.h"
 #include "server/jobs/child_process.h"
 #include "server/jobs/child_protocol.h"
@@ -50,14 +49,11 @@ void say_channel(std::string_view role, const Channel& channel) {
 }
 
 Result<RawRecording> read_here(const FileToRead& file) {
-  const auto mapping = column_mapping_of(file.options_json);
-  if (!mapping) return tl::unexpected(mapping.error());
-  ReadOptions options;
-  options.name = file.name;
-  options.mapping = *mapping;
-  options.allow_mat = true;  // the child is there for that
+  auto options = read_options_of(file);
+  if (!options) return tl::unexpected(options.error());
+  options->allow_mat = true;  // the child is there for that
   try {
-    return read_raw_recording_file(file.path, options);
+    return read_raw_recording_file(file.path, *options);
   } catch (const std::bad_alloc&) {
     return fail("out_of_memory", "the file needs more memory than reading one may have");
   }
@@ -131,22 +127,9 @@ class Answer {
 
 }  // namespace
 
-Result<ColumnMapping> column_mapping_of(std::string_view options_json) {
-  const auto options = parse_json(options_json);
-  if (!options) return tl::unexpected(options.error());
-  std::optional<Error> error;
-  JsonFields fields(*options, "", error);
-  auto mapping = parse_column_mapping(fields.text_or("columns", ""));
-  if (!mapping) return mapping;
-  mapping->sample_rate_hz = fields.optional_number("sample_rate_hz");
-  if (error) return tl::unexpected(*error);
-  return mapping;
-}
-
-Result<RawRecording> read_in_child(const FileToRead& file, std::vector<std::string> command) {
+Result<RawRecording> read_in_child(const FileToRead& file, WhatToRead what, std::vector<std::string> command) {
   if (command.empty()) command = {"/proc/self/exe", std::string(kReadingVerb)};
-  const std::string asked = dump_json(
-      {{"path", file.path}, {"name", file.name}, {"options", file.options_json}, {"labels_only", file.labels_only}});
+  const std::string asked = dump_json({{"file", to_json(file)}, {"labels_only", what == WhatToRead::kLabels}});
   const ChildLimits limits{.cpu_s = kPatienceMs / 1000, .wall_ms = kPatienceMs, .answer_bytes = kMaxAnswerBytes};
   Answer answer;
   const auto ended = run_child_process(
@@ -164,8 +147,9 @@ int run_reading_child() {
   const Json document = parse_json(text).value_or(Json());
   std::optional<Error> error;
   JsonFields fields(document, "", error);
-  FileToRead file{.path = fields.text("path"), .name = fields.text("name"), .options_json = fields.text("options")};
-  file.labels_only = fields.flag("labels_only");
+  JsonFields of_file = fields.object("file");
+  const FileToRead file = file_to_read_from(of_file);
+  const bool labels_only = fields.flag("labels_only");
   if (error) {
     fmt::print(stderr, "what to read could not be read: {}\n", error->message);
     return 1;
@@ -176,7 +160,7 @@ int run_reading_child() {
     return 0;
   }
   say({{"metadata", metadata_json(raw->metadata)}});
-  if (file.labels_only) return 0;
+  if (labels_only) return 0;
   for (const auto& [role, channel] :
        {std::pair("time", &raw->time), std::pair("input", &raw->input), std::pair("output", &raw->output)}) {
     say_channel(role, *channel);

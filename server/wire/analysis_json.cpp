@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <string>
 #include <utility>
 #include <vector>
@@ -44,16 +43,6 @@ std::optional<Value> value_in(const std::array<std::pair<Value, const char*>, n>
     if (wanted == name) return entry;
   }
   return std::nullopt;
-}
-
-Json finite_or_null(double value) {
-  return std::isfinite(value) ? Json(value) : Json(nullptr);
-}
-Json finite_or_null(const std::optional<double>& value) {
-  return value ? finite_or_null(*value) : Json(nullptr);
-}
-Json text_or_null(const std::optional<std::string>& text) {
-  return text ? Json(*text) : Json(nullptr);
 }
 
 Json by_name(const std::map<std::string, double>& values) {
@@ -138,14 +127,14 @@ Json to_json(const ClassificationResult& result) {
     rule_base = Json{
         {"name", result.rule_base_name}, {"version", result.rule_base_version}, {"sha256", result.rule_base_sha256}};
   }
-  return Json{{"verdict", text_or_null(result.verdict)},
+  return Json{{"verdict", or_null(result.verdict)},
               {"reason", result.reason ? Json(to_string(*result.reason)) : Json(nullptr)},
               {"explanation", result.explanation},
               {"action", result.action},
               {"memberships", by_name(result.memberships)},
               {"per_level", per_level},
               {"rule_base", rule_base},
-              {"without_stand_causes", text_or_null(result.without_stand_causes)}};
+              {"without_stand_causes", or_null(result.without_stand_causes)}};
 }
 
 /// A number that is null where it was not finite.

@@ -1,7 +1,6 @@
 #include "server/wire/discrepancy_json.h"
 
 #include <array>
-#include <cmath>
 #include <limits>
 #include <utility>
 
@@ -38,12 +37,8 @@ Value value_in(const std::array<std::pair<Value, const char*>, n>& table, JsonFi
   return table.front().first;
 }
 
-Json figure(double value) {
-  return std::isfinite(value) ? Json(value) : Json(nullptr);
-}
-
 Json interval(const std::array<double, 2>& ends) {
-  return Json::array({figure(ends[0]), figure(ends[1])});
+  return Json::array({finite_or_null(ends[0]), finite_or_null(ends[1])});
 }
 
 std::array<double, 2> interval_from_json(JsonFields& fields, const char* name) {
@@ -58,7 +53,7 @@ std::array<double, 2> interval_from_json(JsonFields& fields, const char* name) {
 
 Json by_name(const std::map<std::string, double>& values) {
   Json object = Json::object();
-  for (const auto& [name, value] : values) object[name] = figure(value);
+  for (const auto& [name, value] : values) object[name] = finite_or_null(value);
   return object;
 }
 
@@ -76,18 +71,18 @@ std::map<std::string, double> by_name_from_json(JsonFields& fields, const char* 
 Json to_json(const Finding& finding) {
   return Json{{"what", finding.what},
               {"where", finding.where},
-              {"statistic", figure(finding.statistic)},
-              {"p_value", figure(finding.p_value)},
-              {"share_of_structured_residual", figure(finding.share_of_structured_residual)}};
+              {"statistic", finite_or_null(finding.statistic)},
+              {"p_value", finite_or_null(finding.p_value)},
+              {"share_of_structured_residual", finite_or_null(finding.share_of_structured_residual)}};
 }
 
 Json to_json(const ParameterEstimate& parameter) {
-  return Json{{"value", parameter.text.empty() ? figure(parameter.value) : Json(parameter.text)},
-              {"std_error", figure(parameter.std_error)},
+  return Json{{"value", parameter.text.empty() ? finite_or_null(parameter.value) : Json(parameter.text)},
+              {"std_error", finite_or_null(parameter.std_error)},
               {"ci95", interval(parameter.ci95)},
               {"unit", parameter.unit},
-              {"population_mean", figure(parameter.population_mean)},
-              {"population_sd", figure(parameter.population_sd)}};
+              {"population_mean", finite_or_null(parameter.population_mean)},
+              {"population_sd", finite_or_null(parameter.population_sd)}};
 }
 
 Json to_json(const NamedCause& cause) {
@@ -96,24 +91,24 @@ Json to_json(const NamedCause& cause) {
   return Json{{"cause", cause.cause},
               {"family", cause.family},
               {"origin", cause.origin},
-              {"probability", figure(cause.probability)},
-              {"family_probability", figure(cause.family_probability)},
+              {"probability", finite_or_null(cause.probability)},
+              {"family_probability", finite_or_null(cause.family_probability)},
               {"alternatives", cause.alternatives},
               {"parameters", parameters},
               {"severity",
-               {{"in_population_sd", figure(cause.severity_in_population_sd)},
+               {{"in_population_sd", finite_or_null(cause.severity_in_population_sd)},
                 {"error_eq20_caused", by_name(cause.error_eq20_caused)}}},
               {"gain",
-               {{"rmse_before", figure(cause.rmse_before)},
-                {"rmse_after", figure(cause.rmse_after)},
-                {"p_value", figure(cause.p_value)}}},
+               {{"rmse_before", finite_or_null(cause.rmse_before)},
+                {"rmse_after", finite_or_null(cause.rmse_after)},
+                {"p_value", finite_or_null(cause.p_value)}}},
               {"evidence", cause.evidence}};
 }
 
 Json to_json(const Candidate& candidate) {
   return Json{{"cause", candidate.cause},
-              {"probability", figure(candidate.probability)},
-              {"rmse_heldout", figure(candidate.rmse_heldout)},
+              {"probability", finite_or_null(candidate.probability)},
+              {"rmse_heldout", finite_or_null(candidate.rmse_heldout)},
               {"status", to_string(candidate.status)},
               {"reason", candidate.reason},
               {"upper_limit95", by_name(candidate.upper_limit95)}};
@@ -122,17 +117,17 @@ Json to_json(const Candidate& candidate) {
 Json to_json(const Transfer& transfer) {
   return Json{{"from", transfer.from},
               {"to", transfer.to},
-              {"rmse_baseline", figure(transfer.rmse_baseline)},
-              {"rmse_extended", figure(transfer.rmse_extended)}};
+              {"rmse_baseline", finite_or_null(transfer.rmse_baseline)},
+              {"rmse_extended", finite_or_null(transfer.rmse_extended)}};
 }
 
 Json to_json(const DiscrepancyGain& gain) {
   return Json{{"heldout", gain.heldout},
-              {"rmse_baseline", figure(gain.rmse_baseline)},
-              {"rmse_extended", figure(gain.rmse_extended)},
-              {"rmse_black_box", figure(gain.rmse_black_box)},
-              {"noise_floor", figure(gain.noise_floor)},
-              {"reduction", figure(gain.reduction)},
+              {"rmse_baseline", finite_or_null(gain.rmse_baseline)},
+              {"rmse_extended", finite_or_null(gain.rmse_extended)},
+              {"rmse_black_box", finite_or_null(gain.rmse_black_box)},
+              {"noise_floor", finite_or_null(gain.noise_floor)},
+              {"reduction", finite_or_null(gain.reduction)},
               {"reduction_ci95", interval(gain.reduction_ci95)},
               {"transfer", list_to_json(gain.transfer, to_json)}};
 }
@@ -141,7 +136,7 @@ Json to_json(const NextTest& test) {
   return Json{{"test", test.test},
               {"why", test.why},
               {"separates", test.separates},
-              {"expected_probability", figure(test.expected_probability)},
+              {"expected_probability", finite_or_null(test.expected_probability)},
               {"input_csv", test.input_csv}};
 }
 

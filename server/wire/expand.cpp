@@ -8,6 +8,9 @@
 #include <array>
 #include <vector>
 
+#include "core/recording/text.h"
+#include "server/wire/byte_source.h"
+
 namespace valvetriage {
 namespace {
 
@@ -154,11 +157,33 @@ class ZstdSource : public CountedSource {
   bool more_inside_ = false;
 };
 
+/// Expands once the first bytes have told how.
+class ToldByBytes : public ByteSource {
+ public:
+  ToldByBytes(ByteSource& source, std::uint64_t max_bytes) : source_(source), max_bytes_(max_bytes) {}
+
+  Result<std::size_t> read(std::span<char> buffer) override {
+    if (!expanded_) {
+      const auto head = source_.peek();
+      if (!head) return tl::unexpected(head.error());
+      expanded_ = expand(compression_of_bytes(*head), source_, max_bytes_);
+    }
+    return expanded_->read(buffer);
+  }
+  bool rewind() override { return false; }
+
+ private:
+  PeekedSource source_;
+  std::uint64_t max_bytes_;
+  std::unique_ptr<ByteSource> expanded_;
+};
+
 }  // namespace
 
 Compression compression_of_name(std::string_view file_name) {
-  if (file_name.ends_with(".gz")) return Compression::kGzip;
-  if (file_name.ends_with(".zst")) return Compression::kZstd;
+  const std::string lower = to_lower_ascii(file_name);
+  if (lower.ends_with(".gz")) return Compression::kGzip;
+  if (lower.ends_with(".zst")) return Compression::kZstd;
   return Compression::kNone;
 }
 
@@ -191,6 +216,10 @@ std::unique_ptr<ByteSource> expand(Compression compression, ByteSource& source, 
       break;
   }
   return std::make_unique<PlainSource>(source, max_bytes);
+}
+
+std::unique_ptr<ByteSource> expand(ByteSource& source, std::uint64_t max_bytes) {
+  return std::make_unique<ToldByBytes>(source, max_bytes);
 }
 
 }  // namespace valvetriage

@@ -11,7 +11,7 @@ namespace valvetriage {
 
 enum class Compression { kNone, kGzip, kZstd };
 
-/// "x.csv.gz" -> kGzip, "x.csv.zst" -> kZstd, else kNone.
+/// "x.csv.gz" -> kGzip, "x.csv.zst" -> kZstd, in any case; else kNone.
 Compression compression_of_name(std::string_view file_name);
 /// The name of what is inside: "x.csv.gz" -> "x.csv".
 std::string_view expanded_name(std::string_view file_name);
@@ -28,5 +28,7 @@ Compression compression_of_bytes(std::string_view first_bytes);
 /// Errors     `too_large`; `malformed_encoding` (broken, cut off, not compressed at all); the source's own
 /// Memory     a fixed buffer, for zstd at most a window of 128 MiB
 std::unique_ptr<ByteSource> expand(Compression compression, ByteSource& source, std::uint64_t max_bytes);
+/// The same by the first bytes, whatever the file is called.
+std::unique_ptr<ByteSource> expand(ByteSource& source, std::uint64_t max_bytes);
 
 }  // namespace valvetriage

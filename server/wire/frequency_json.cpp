@@ -8,13 +8,9 @@
 namespace valvetriage {
 namespace {
 
-Json number(double value) {
-  return std::isfinite(value) ? Json(value) : Json(nullptr);
-}
-
 Json numbers(const std::vector<double>& values) {
   Json list = Json::array();
-  for (const double value : values) list.push_back(number(value));
+  for (const double value : values) list.push_back(finite_or_null(value));
   return list;
 }
 
@@ -24,9 +20,9 @@ void add_points(const FrequencyResponse& response, Json& json) {
   for (const ResponsePoint& p : response.points) {
     const double gain = std::abs(p.gain), half = gain_half_width95(p);
     json["frequency_hz"].push_back(p.frequency_hz);
-    json["gain"].push_back(number(gain));
-    json["coherence"].push_back(number(p.coherence));
-    json["band95"].push_back(Json::array({number(std::max(0.0, gain - half)), number(gain + half)}));
+    json["gain"].push_back(finite_or_null(gain));
+    json["coherence"].push_back(finite_or_null(p.coherence));
+    json["band95"].push_back(Json::array({finite_or_null(std::max(0.0, gain - half)), finite_or_null(gain + half)}));
   }
   json["gain_normalised"] = numbers(normalised_gain(response.points));
   json["phase_deg"] = numbers(unwrapped_phase_deg(response.points));
@@ -53,9 +49,9 @@ Json distortion_json(const std::optional<Distortion>& d) {
 
 Json amplitude_json(const std::optional<AmplitudeDependence>& d) {
   if (!d) return nullptr;
-  return Json{{"amplitude_low", d->amplitude_low},   {"amplitude_high", d->amplitude_high},
-              {"change_rms", number(d->change_rms)}, {"expected_rms", number(d->expected)},
-              {"p_value", number(d->p_value)},       {"points", d->points}};
+  return Json{{"amplitude_low", d->amplitude_low},           {"amplitude_high", d->amplitude_high},
+              {"change_rms", finite_or_null(d->change_rms)}, {"expected_rms", finite_or_null(d->expected)},
+              {"p_value", finite_or_null(d->p_value)},       {"points", d->points}};
 }
 
 Json tried_json(const std::vector<TriedResponseOrder>& tried) {
@@ -64,8 +60,8 @@ Json tried_json(const std::vector<TriedResponseOrder>& tried) {
     list.push_back(Json{{"order", one.order},
                         {"zeros", one.zeros},
                         {"delay_s", one.delay_s},
-                        {"rmse_heldout", number(one.rmse_heldout)},
-                        {"bic", number(one.criterion)}});
+                        {"rmse_heldout", finite_or_null(one.rmse_heldout)},
+                        {"bic", finite_or_null(one.criterion)}});
   }
   return list;
 }
@@ -76,8 +72,8 @@ Json to_json(const FrequencyResult& result, std::span<const RecordingSummary> re
   Json json{{"recordings", Json::array()}, {"refused", result.refused.empty() ? Json(nullptr) : Json(result.refused)}};
   for (const std::size_t r : result.recordings) json["recordings"].push_back(recordings[r].sha256);
   json["method"] = to_string(result.response.method);
-  json["input_mean"] = number(result.response.input_mean);
-  json["input_amplitude"] = number(result.response.input_amplitude);
+  json["input_mean"] = finite_or_null(result.response.input_mean);
+  json["input_amplitude"] = finite_or_null(result.response.input_amplitude);
   add_points(result.response, json);
   json["unusable"] = unusable_json(result.response);
   json["distortion"] = distortion_json(result.response.distortion);
@@ -86,11 +82,12 @@ Json to_json(const FrequencyResult& result, std::span<const RecordingSummary> re
   json["order"] = result.model ? Json(result.model->transfer_function.poles.size()) : Json(nullptr);
   json["order_reason"] = result.order_reason;
   json["tried"] = tried_json(result.tried);
-  json["fit_percent"] = result.fit_percent ? number(*result.fit_percent) : Json(nullptr);
+  json["fit_percent"] = finite_or_null(result.fit_percent);
   json["features"] = Json::object();
   for (const ResponseFeature& feature : result.features) {
-    json["features"][feature.name] =
-        Json{{"value", number(feature.value)}, {"std_error", number(feature.std_error)}, {"unit", feature.unit}};
+    json["features"][feature.name] = Json{{"value", finite_or_null(feature.value)},
+                                          {"std_error", finite_or_null(feature.std_error)},
+                                          {"unit", feature.unit}};
   }
   return json;
 }

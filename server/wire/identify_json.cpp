@@ -1,7 +1,5 @@
 #include "server/wire/identify_json.h"
 
-#include <cmath>
-
 #include "server/wire/model_json.h"
 
 namespace valvetriage {
@@ -49,7 +47,7 @@ Json tried_json(const std::vector<TriedResponseOrder>& tried) {
 
 Json errors_json(const std::vector<double>& errors) {
   Json list = Json::array();
-  for (const double error : errors) list.push_back(std::isfinite(error) ? Json(error) : Json(nullptr));
+  for (const double error : errors) list.push_back(finite_or_null(error));
   return list;
 }
 

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
 #include <set>
 #include <vector>
 
@@ -67,6 +68,14 @@ Result<Json> parse_json(std::string_view text) {
   } catch (const nlohmann::json::exception& error) {
     return fail("malformed_json", fmt::format("not JSON: {}", error.what()));
   }
+}
+
+Json finite_or_null(double value) {
+  return std::isfinite(value) ? Json(value) : Json(nullptr);
+}
+
+Json finite_or_null(const std::optional<double>& value) {
+  return value ? finite_or_null(*value) : Json(nullptr);
 }
 
 std::string dump_json(const Json& document, bool pretty) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string_view>
 #include <vector>
 
@@ -23,6 +24,16 @@ Result<Json> parse_json(std::string_view text);
 /// The document as text: shortest round-trip numbers, two spaces of indent where `pretty`. NaN and infinities become
 /// null; invalid UTF-8 is replaced, never thrown on.
 std::string dump_json(const Json& document, bool pretty = false);
+
+/// null where there is none.
+template <typename T>
+Json or_null(const std::optional<T>& value) {
+  return value ? Json(*value) : Json(nullptr);
+}
+
+/// null for NaN and infinities, which JSON has not.
+Json finite_or_null(double value);
+Json finite_or_null(const std::optional<double>& value);
 
 /// A list, item by item.
 template <typename T>

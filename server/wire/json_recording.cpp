@@ -127,7 +127,10 @@ class RecordingEvents : public nlohmann::json_sax<nlohmann::json> {
   bool parse_error(std::size_t, const std::string& last_token, const nlohmann::json::exception& problem) override {
     constexpr int kNumberOverflow = 406;
     const bool literal = last_token.ends_with('N') || last_token.ends_with('I');
-    if (problem.id == kNumberOverflow || literal) return refuse("not_finite", last_token, "a finite number");
+    if (problem.id == kNumberOverflow || literal) {
+      // What was read may begin with the token before.
+      return refuse("not_finite", last_token.substr(last_token.find_last_of("[,: \t\r\n") + 1), "a finite number");
+    }
     return refuse("malformed_json", stream_.at_end() ? "the end of the text" : last_token, "JSON");
   }
 

@@ -71,11 +71,24 @@ Result<double> LiveRows::read_field(const std::vector<std::string_view>& fields,
   return value * column.channel.file_unit_scale;
 }
 
+Error LiveRows::at_line(Error error) const {
+  error.line = line_;
+  error.message = fmt::format("line {}: {}", line_, error.message);
+  return error;
+}
+
 Result<std::optional<LiveRow>> LiveRows::take(std::string_view line) {
   ++line_;
   if (line_ == 1 && line.starts_with("\xEF\xBB\xBF")) line.remove_prefix(3);
   line = trim(line);
-  if (line.empty() || line.front() == '#') return std::nullopt;
+  if (line.empty()) return std::nullopt;
+  if (line.front() == '#') {
+    if (!columns_.empty()) return std::nullopt;
+    if (auto parsed = parse_metadata_line(said_, line); !parsed) return tl::unexpected(at_line(parsed.error()));
+    Metadata both = said_;
+    if (auto agrees = apply_metadata_options(both, given_); !agrees) return tl::unexpected(at_line(agrees.error()));
+    return std::nullopt;
+  }
   if (columns_.empty()) separator_ = separator_of(line);
   const auto fields = split(line, separator_);
   if (columns_.empty()) {

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/recording/columns.h"
+#include "core/recording/metadata.h"
 
 namespace valvetriage {
 
@@ -18,11 +19,14 @@ struct LiveRow {
 /// CSV rows as they come, one line at a time: what parse_csv reads from a whole file, without looking ahead.
 class LiveRows {
  public:
-  explicit LiveRows(ColumnMapping mapping) : mapping_(std::move(mapping)) {}
+  /// given  metadata that stand beside the rows
+  explicit LiveRows(ColumnMapping mapping, Metadata given = {})
+      : mapping_(std::move(mapping)), given_(std::move(given)) {}
 
   /// A line without its end. Empty for `#` lines, blank lines and the header.
   ///
-  /// Errors  those of plan_columns for the header; ragged_row, not_a_number, not_finite and time_not_increasing with
+  /// Errors  those of plan_columns for the header; those of parse_metadata_line, and contradicting_metadata, for what
+  ///         stands ahead of it; ragged_row, not_a_number, not_finite and time_not_increasing with
   /// line
   ///         and column for a row, which then counts as not seen
   Result<std::optional<LiveRow>> take(std::string_view line);
@@ -32,10 +36,12 @@ class LiveRows {
   double sample_period_s() const;
 
  private:
+  Error at_line(Error error) const;
   Result<void> read_header(const std::vector<std::string_view>& fields);
   Result<double> read_field(const std::vector<std::string_view>& fields, const PlannedColumn& column) const;
 
   ColumnMapping mapping_;
+  Metadata given_, said_;
   std::vector<PlannedColumn> columns_;
   std::size_t fields_ = 0;
   char separator_ = ',';

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 
 #include "core/classify/check.h"
 #include "server/wire/canonical_json.h"
@@ -155,7 +154,7 @@ RuleBase read_rule_base(JsonFields& fields) {
 Json points_json(const Trapezoid& shape) {
   Json points = Json::array();
   for (const double corner : {shape.a, shape.b, shape.c, shape.d}) {
-    points.push_back(std::isfinite(corner) ? Json(corner) : Json(nullptr));
+    points.push_back(finite_or_null(corner));
   }
   return points;
 }

@@ -1,8 +1,10 @@
 // The verbs as scripts use them: files in, standard output and exit status out.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
+#include <sys/wait.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -27,7 +29,7 @@ class Cli : public ::testing::Test {
   static void SetUpTestSuite() {
     folder_ = new TemporaryFolder;
     ASSERT_EQ(stand({"population", "--out", file("good"), "--valves", "3", "--tests", "step,staircase"}).status, 0);
-    ASSERT_EQ(stand({"session", "--out", file("valve"), "--serial", "EFC-1", "--lot", "L1", "--effect", "friction=0.02",
+    ASSERT_EQ(stand({"session", "--out", file("valve"), "--serial", "EFC-1", "--lot", "L1", "--effect", "friction=0.07",
                      "--tests", "step"})
                   .status,
               0);
@@ -123,6 +125,42 @@ TEST_F(Cli, PlainFilesOfAReferenceGroupBySerial) {
   const Outcome outcome = test::valvetriage(files);
   ASSERT_EQ(outcome.status, 0) << outcome.err;
   EXPECT_EQ(text_of(file("plain.json")), text_of(reference())) << "the same valves, however they were named";
+}
+
+TEST_F(Cli, EveryRecordingBelowAFolderOfGoodValvesIsLearnedFrom) {
+  // One valve beside the folders of the others, a recording whose name is in capitals.
+  const std::filesystem::path mixed = file("mixed");
+  std::filesystem::copy(file("good"), mixed, std::filesystem::copy_options::recursive);
+  const std::filesystem::path inner = std::filesystem::directory_iterator(mixed)->path();
+  for (const auto& entry : std::filesystem::directory_iterator(inner)) {
+    std::string name = entry.path().filename().string();
+    std::transform(name.begin(), name.end(), name.begin(),
+                   [](unsigned char c) { return static_cast<char>(std::toupper(c)); });
+    std::filesystem::copy(entry.path(), mixed / name);
+  }
+  std::filesystem::remove_all(inner);
+  const Outcome outcome =
+      test::valvetriage({"reference", "learn", mixed.string(), "--valve-type", "type-1", "-o", file("mixed.json")});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_EQ(parse_json(text_of(file("mixed.json"))).value()["valves"], 3);
+
+  std::ofstream(mixed / "bad.csv") << "time_s,current_A\n0,1\n";
+  const Outcome bad =
+      test::valvetriage({"reference", "learn", mixed.string(), "--valve-type", "type-1", "-o", file("mixed.json")});
+  EXPECT_EQ(bad.status, 2);
+  EXPECT_NE(bad.err.find("bad.csv"), std::string::npos) << bad.err;
+}
+
+TEST_F(Cli, AFolderOfGoodValvesHoldsOneValveInEachFolderOfRecordings) {
+  std::filesystem::create_directories(file("two_in_one"));
+  int number = 0;
+  for (const std::string& recording : recordings("good")) {
+    std::filesystem::copy(recording, file("two_in_one/" + std::to_string(number++) + ".csv"));
+  }
+  const Outcome outcome = test::valvetriage(
+      {"reference", "learn", file("two_in_one"), "--valve-type", "type-1", "-o", file("two_in_one.json")});
+  EXPECT_EQ(outcome.status, 2);
+  EXPECT_NE(outcome.err.find("a folder of recordings is one valve"), std::string::npos) << outcome.err;
 }
 
 TEST_F(Cli, CopiesOfOneGoodValveAreNoPopulation) {
@@ -306,6 +344,24 @@ TEST_F(Cli, AFileThatCannotBeReadOrWrittenIsNamed) {
   const std::string no_name(300, 'x');
   for (const char* verb : {"analyze", "report"}) EXPECT_EQ(test::valvetriage({verb, no_name}).status, 2) << verb;
   EXPECT_EQ(test::valvetriage({"reference", "learn", no_name, "-o", file("none.json")}).status, 2);
+}
+
+TEST_F(Cli, WhatCannotBeWrittenToStandardOutputIsAFailure) {
+  const std::string full = " > /dev/full 2>/dev/null";
+  for (const std::string& call :
+       {std::string("plan"), "simulate --model " + reference() + " --input " + recordings("valve").front(),
+        std::string("paper"), "identify " + recordings("valve").front() + " --method rls --json"}) {
+    const int ended = std::system((VALVETRIAGE_BINARY " " + call + full).c_str());
+    EXPECT_TRUE(WIFEXITED(ended)) << call;
+    EXPECT_NE(WEXITSTATUS(ended), 0) << call;
+  }
+  EXPECT_EQ(WEXITSTATUS(std::system((VALVETRIAGE_BINARY " plan" + full).c_str())), 1);
+}
+
+TEST_F(Cli, AServerThatCannotBeReachedIsAFailure) {
+  const Outcome report =
+      test::valvetriage({"report", "sub_1", "--server", "http://127.0.0.1:9", "-o", file("nowhere.html")});
+  EXPECT_EQ(report.status, 1) << report.err;
 }
 
 TEST_F(Cli, AFolderThatIsLinkedInsideItselfIsLearnedFromAllTheSame) {

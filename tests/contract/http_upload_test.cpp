@@ -174,6 +174,17 @@ TEST(HttpUpload, MayBeCompressedByEncodingOrByName) {
   const Json by_name = json_of(server.post("/v1/recordings?name=a.csv.gz", gzip(other)));
   EXPECT_EQ(by_name["sha256"], sha256_hex(other));
   EXPECT_EQ(by_name["name"], "a.csv");
+  // Whatever the file is called, and whatever it says of itself: the bytes tell.
+  const std::string third = good_csv("EFC-3");
+  const Json by_bytes = json_of(server.post("/v1/recordings?name=a.csv", gzip(third)));
+  EXPECT_EQ(by_bytes["sha256"], sha256_hex(third));
+  EXPECT_EQ(by_bytes["serial"], "EFC-3");
+  const Json shouted = json_of(server.post("/v1/recordings?name=A.CSV.ZST", zstd(good_csv("EFC-4"))));
+  EXPECT_EQ(shouted["serial"], "EFC-4");
+  EXPECT_EQ(shouted["name"], "A.CSV");
+  const Json twice =
+      json_of(server.post("/v1/recordings?name=a.csv.gz", gzip(good_csv("EFC-5")), {{"Content-Encoding", "gzip"}}));
+  EXPECT_EQ(twice["serial"], "EFC-5");
   const RawAnswer unknown = server.post("/v1/recordings", csv, {{"Content-Encoding", "br"}});
   EXPECT_EQ(unknown.status, 415);
   EXPECT_EQ(code_of(unknown), "unsupported_encoding");

@@ -79,6 +79,19 @@ TEST(LiveRows, TellsWhereABadRowIsAndGoesOn) {
   EXPECT_EQ(rows.rows(), 2u);
 }
 
+TEST(LiveRows, RefusesMetadataThatContradictWhatStandsBesideThem) {
+  Metadata given;
+  given.serial = "B";
+  LiveRows rows(ColumnMapping{}, given);
+  ASSERT_TRUE(rows.take("# lot: L1"));
+  const auto refused = rows.take("# serial: A");
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, "contradicting_metadata");
+  EXPECT_EQ(refused.error().line, 2u);
+  LiveRows agreeing(ColumnMapping{}, given);
+  EXPECT_TRUE(agreeing.take("# serial: B"));
+}
+
 TEST(LiveRows, RefusesAHeaderWithoutItsColumns) {
   LiveRows rows{ColumnMapping{}};
   EXPECT_EQ(rows.take("time_s,pressure_psi").error().code, "missing_column");
