@@ -25,11 +25,11 @@ constexpr double kExponentMean = 0.6, kExponentSd = 0.25;
 // good spool's friction is a few milliamperes: recordings without reversals do not tell it from the wide loop.
 constexpr double kNarrowLoopSd_a = 0.01;
 constexpr double kSupplyOverReference = 5.0, kSupplyLogSd = 0.7;  // reference is half of the largest pressure
-// In shares of the reference pressure, half of the largest. Second differences of the map over one knot are a few
-// hundredths at most; ten times as much is allowed.
-constexpr double kMapBend = 0.3;
+// In shares of the reference pressure, half of the largest: what they are on a valve of 210 psi. Second differences of
+// the map over one knot are a few psi there at most; ten times as much is allowed.
+constexpr double kMapBend = 30.0 / 105;
 // A recording that does not begin at rest is off by no more than this in its map's input and its pressure.
-constexpr double kSpoolStartSd_a = 0.05, kPressureStartSd = 0.2, kMemorySd = 0.5;
+constexpr double kSpoolStartSd_a = 0.05, kPressureStartSd = 20.0 / 105, kMemorySd = 0.5;
 
 /// A spool off its rest, and whatever lags it with it.
 SampledValveDynamics::State displaced_spool(const SampledValveDynamics& spool, double rate, double position) {
