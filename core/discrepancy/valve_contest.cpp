@@ -343,11 +343,12 @@ double reduction_within_reach(const Ranked& r, std::span<const Ranked> all) {
   return most;
 }
 
-/// No friction at all, and play, are ones that a fit of friction can always reach: what fits worse has not found its
-/// best, and is no reason to leave it out.
-bool has_lost_its_way(const Ranked& rival, const Ranked& winner, std::span<const Ranked> all) {
+/// No friction at all, and play where that has won, are ones that a fit of friction can always reach: what fits worse
+/// has not found its best, and is no reason to leave it out.
+bool has_lost_its_way(const Ranked& rival, const Ranked& winner) {
   if (!rival.sticks || !rival.fitted_jointly || winner.sticks) return false;
-  return rival.reduction < std::max(0.0, reduction_within_reach(rival, all) - kLeastEvidence);
+  const double reached_by_play = winner.cause == "backlash" ? winner.reduction - kLeastEvidence : 0;
+  return rival.reduction < std::max(0.0, reached_by_play);
 }
 
 /// Whether an explanation leaves nothing that good valves do not leave.
@@ -421,7 +422,7 @@ void keep_margins(Contest& contest, WinnersFit& fit, const ValveDiagnosisOptions
   for (Ranked& r : ranked) {
     const bool is_kin = are_kin(won, r);
     const bool is_near = reduction_within_reach(r, ranked) >= (is_kin ? kFamilyMargin : kMargin) * won.reduction;
-    const bool is_open = is_kin && ((is_family_open && r.fitted_jointly) || has_lost_its_way(r, won, ranked));
+    const bool is_open = is_kin && ((is_family_open && r.fitted_jointly) || has_lost_its_way(r, won));
     if (r.cause != won.cause && competes_with(won.cause, r) && (is_open || (is_near && !is_out(r)))) {
       r.probability = std::max(r.probability, kRivalShare);
     }
