@@ -44,7 +44,7 @@ int main(int argc, char** argv) {
     return kFailure;
   }
   // What could not be written, on a full disk, was not done.
-  if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
+  if (exit_status != kFailure && (std::fflush(stdout) != 0 || std::ferror(stdout) != 0)) {
     print_error({.code = "cannot_write", .message = "standard output cannot be written"});
     return kFailure;
   }

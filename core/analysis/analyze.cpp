@@ -242,8 +242,9 @@ Result<std::vector<std::vector<double>>> runs_of_all(std::vector<std::vector<dou
   return all;
 }
 
-Result<FreeRuns> run_fitted(std::span<const Recording> recordings, Analysis& analysis) {
-  const std::vector<Recording> measured = with_valid_samples(recordings);
+/// measured  those of them with valid samples
+Result<FreeRuns> run_fitted(std::span<const Recording> recordings, std::span<const Recording> measured,
+                            Analysis& analysis) {
   auto fitted =
       analysis.baseline.kind == BaselineKind::kPaper ? fit_paper_baseline(measured) : fit_self_baseline(measured);
   if (!fitted) return tl::unexpected(fitted.error());
@@ -461,8 +462,11 @@ std::vector<Recording> without_stand(std::span<const Recording> recordings, cons
 
 /// What the linear machine gets wrong on its own recordings. Recordings that allow no diagnosis (an output that never
 /// changes, different sample times) have none; the rest of the analysis stands.
-void diagnose_self(std::span<const Recording> recordings, const StageReport& report, Analysis& analysis) {
-  auto diagnosis = diagnose_machine(with_valid_samples(recordings), {.report = report_part(report, kFitted, 1)});
+///
+/// measured  those of them with valid samples
+void diagnose_self(std::span<const Recording> recordings, std::span<const Recording> measured,
+                   const StageReport& report, Analysis& analysis) {
+  auto diagnosis = diagnose_machine(measured, {.report = report_part(report, kFitted, 1)});
   if (!diagnosis) return;
   analysis.discrepancy = std::move(diagnosis->discrepancy);
   if (diagnosis->extended.empty()) return;
@@ -491,7 +495,9 @@ Result<Analysis> analyze(std::span<const Recording> given, const AnalysisOptions
 
   const bool is_compared = analysis.baseline.kind == BaselineKind::kReference;
   report_stage(options.report, 0, is_compared ? "fitting the valve" : "fitting a linear machine");
-  auto runs = is_compared ? run_reference(recordings, options.report, analysis) : run_fitted(recordings, analysis);
+  const std::vector<Recording> measured = is_compared ? std::vector<Recording>{} : with_valid_samples(recordings);
+  auto runs =
+      is_compared ? run_reference(recordings, options.report, analysis) : run_fitted(recordings, measured, analysis);
   if (!runs) return tl::unexpected(runs.error());
   if (is_compared) report_stage(options.report, kDiagnosed, "judging the levels");
   analysis.simulation = figures_of(recordings, *runs);
@@ -528,7 +534,7 @@ Result<Analysis> analyze(std::span<const Recording> given, const AnalysisOptions
   }
   analysis.simulated = std::move(runs->baseline);
   analysis.extended = std::move(runs->extended);
-  if (!is_compared) diagnose_self(recordings, options.report, analysis);
+  if (!is_compared) diagnose_self(recordings, measured, options.report, analysis);
   if (analysis.extended.empty()) analysis.extended_model = analysis.baseline.model;
   return analysis;
 }

@@ -5,29 +5,25 @@
 #include <numbers>
 #include <optional>
 
+#include "core/identify/spectrum.h"
+
 namespace valvetriage {
 namespace {
 
 // A fold must hold this many times the power at the frequency that was found: it has it all, or next to nothing.
 constexpr double kClearlyMore = 4;
 
-/// Sine and cosine of a recording's residual at a frequency, by least squares over its valid samples.
-struct Sine {
-  double in_phase = 0, quadrature = 0;
-  double power() const { return in_phase * in_phase + quadrature * quadrature; }
-};
+double angle_at(double frequency_hz, const Recording& recording, std::size_t i) {
+  return 2 * std::numbers::pi * frequency_hz * static_cast<double>(i) * recording.sample_period_s;
+}
 
-Sine sine_in(const Recording& recording, const std::vector<double>& without, double frequency_hz) {
-  double ss = 0, sc = 0, cc = 0, se = 0, ce = 0;
+/// Of a recording's residual, over its valid samples.
+SineFit::Amplitudes sine_in(const Recording& recording, const std::vector<double>& without, double frequency_hz) {
+  SineFit sine;
   for (std::size_t i = 0; i < recording.samples(); ++i) {
-    if (!recording.is_valid(i)) continue;
-    const double angle = 2 * std::numbers::pi * frequency_hz * static_cast<double>(i) * recording.sample_period_s;
-    const double s = std::sin(angle), c = std::cos(angle), e = recording.output.values[i] - without[i];
-    ss += s * s, sc += s * c, cc += c * c, se += s * e, ce += c * e;
+    if (recording.is_valid(i)) sine.add(angle_at(frequency_hz, recording, i), recording.output.values[i] - without[i]);
   }
-  const double determinant = ss * cc - sc * sc;
-  if (!(determinant > 0)) return {};
-  return {(cc * se - sc * ce) / determinant, (ss * ce - sc * se) / determinant};
+  return sine.amplitudes();
 }
 
 struct Fold {
@@ -95,12 +91,11 @@ void unfold_tones(std::span<const Recording> recordings, const PartToFit& part, 
     move_to(*fold, causes[c]);
     parameters[0] = fold->frequency_hz;
     for (std::size_t r = 0; r < recordings.size(); ++r) {
-      const Sine sine = sine_in(recordings[r], without[c][r], fold->frequency_hz);
-      if (r == 0) parameters[2] = std::atan2(sine.quadrature, sine.in_phase);
+      const SineFit::Amplitudes sine = sine_in(recordings[r], without[c][r], fold->frequency_hz);
+      if (r == 0) parameters[2] = sine.phase_rad();
       for (std::size_t i = 0; i < recordings[r].samples(); ++i) {
-        const double angle =
-            2 * std::numbers::pi * fold->frequency_hz * static_cast<double>(i) * recordings[r].sample_period_s;
-        extended[r][i] = without[c][r][i] + sine.in_phase * std::sin(angle) + sine.quadrature * std::cos(angle);
+        const double angle = angle_at(fold->frequency_hz, recordings[r], i);
+        extended[r][i] = without[c][r][i] + sine.sine * std::sin(angle) + sine.cosine * std::cos(angle);
       }
     }
   }

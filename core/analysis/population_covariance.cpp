@@ -19,8 +19,8 @@ using Eigen::VectorXd;
 constexpr double kShortest_a = 0.05, kTypical_a = 0.15, kLongest_a = 1;
 // A parameter that happens to agree between a few valves is not known exactly: a thousandth of itself at least.
 constexpr double kLeastSpread = 1e-3;
-constexpr double kLeastParameter =
-    1e-3;  // a loop of a milliampere, a delay of a millisecond: none, where all have none
+// Where all have none: of a loop of a milliampere, of a delay of a millisecond.
+constexpr double kLeastParameter = 1e-3;
 constexpr double kLeastKnotSpread = 1e-4;  // of the highest output
 // Errors are known to a factor of two at best: they never explain all of what is seen.
 constexpr double kLeastOfVariance = 0.25;

@@ -41,8 +41,7 @@ Eigen::Index slowest_rows(const ValveFitProblem& problem, const LawInFit& law, c
 
 /// The size farthest from none that the data do not exclude with 95 %: where the cost, everything the valve can absorb
 /// taken off, is 2.71 noise variances above its least (one-sided; Wilks, Ann. Math. Statist. 9 (1938) 60), the samples'
-/// part of it tempered,
-/// `size_sd` of good valves added in quadrature.
+/// part of it tempered, `size_sd` of good valves added in quadrature.
 ///
 /// inflation  of the noise by its colour, ≥ 1
 /// returns    empty where no size within the law's bounds is excluded

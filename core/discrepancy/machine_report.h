@@ -19,8 +19,8 @@ std::vector<std::pair<std::string, ParameterEstimate>> cause_parameters(const st
                                                                         const std::string& output_unit);
 
 /// Sizes of a single cause that the data exclude, with 95 % one-sided, by the fit of its law: the contract's parameters
-/// that say how much of it there is. Empty where that fit has
-/// ended farther from the data than the linear machine, and for a cause that has no size.
+/// that say how much of it there is. Empty where that fit has ended farther from the data than the linear machine, and
+/// for a cause that has no size.
 std::map<std::string, double> excluded_sizes(const MachineScore& score, const MachineScore& linear,
                                              const MachineData& data, const std::string& input_unit,
                                              const std::string& output_unit);

@@ -109,21 +109,15 @@ std::vector<double> input_at_rest(const Recording& recording, std::size_t length
 void fit_phases(const LinearisedValve& fit, Tone& tone) {
   double squares = 0;
   for (std::size_t r = 0; r < fit.error().size(); ++r) {
-    double ss = 0, sc = 0, cc = 0, se = 0, ce = 0;
+    SineFit sine;
     const double whiten = std::sqrt(fit.problem().inverse_variance(r));
     const double period_s = fit.problem().recording(r).sample_period_s;
     for (std::size_t i = 0; i < fit.rows()[r].sample.size(); ++i) {
       const double t = static_cast<double>(fit.rows()[r].sample[i]) * period_s;
-      const double s = std::sin(2 * std::numbers::pi * tone.frequency_hz * t);
-      const double c = std::cos(2 * std::numbers::pi * tone.frequency_hz * t);
-      const double e = fit.error()[r](static_cast<Index>(i)) / whiten;
-      ss += s * s, sc += s * c, cc += c * c, se += s * e, ce += c * e;
+      sine.add(2 * std::numbers::pi * tone.frequency_hz * t, fit.error()[r](static_cast<Index>(i)) / whiten);
     }
-    const double determinant = ss * cc - sc * sc;
-    const double a = determinant > 0 ? (cc * se - sc * ce) / determinant : 0;
-    const double b = determinant > 0 ? (ss * ce - sc * se) / determinant : 0;
-    tone.phase_rad.push_back(std::atan2(b, a));
-    squares += a * a + b * b;
+    tone.phase_rad.push_back(sine.amplitudes().phase_rad());
+    squares += sine.amplitudes().power();
   }
   tone.amplitude = std::sqrt(squares / static_cast<double>(std::max<std::size_t>(fit.error().size(), 1)));
 }

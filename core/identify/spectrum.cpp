@@ -78,6 +78,21 @@ std::vector<Complex> spectrum(std::span<const double> x) {
   return lines;
 }
 
+void SineFit::add(double angle_rad, double value) {
+  const double s = std::sin(angle_rad), c = std::cos(angle_rad);
+  ss_ += s * s, sc_ += s * c, cc_ += c * c, se_ += s * value, ce_ += c * value;
+}
+
+double SineFit::Amplitudes::phase_rad() const {
+  return std::atan2(cosine, sine);
+}
+
+SineFit::Amplitudes SineFit::amplitudes() const {
+  const double determinant = ss_ * cc_ - sc_ * sc_;
+  if (!(determinant > 0)) return {};
+  return {(cc_ * se_ - sc_ * ce_) / determinant, (ss_ * ce_ - sc_ * se_) / determinant};
+}
+
 std::vector<double> autocovariance(std::span<const double> x) {
   const std::size_t n = x.size();
   const double mean = std::accumulate(x.begin(), x.end(), 0.0) / static_cast<double>(n);

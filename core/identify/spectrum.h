@@ -25,6 +25,23 @@ std::size_t smooth_length_below(std::size_t n);
 /// Smallest length ≥ n without a prime factor above 5.
 std::size_t smooth_length_above(std::size_t n);
 
+/// A sine and a cosine of one frequency in a signal, by least squares, whatever its samples' times.
+class SineFit {
+ public:
+  /// angle_rad  2π f t of the sample
+  void add(double angle_rad, double value);
+  /// Amplitudes of sine and cosine, unit of the values; 0 where the angles tell none.
+  struct Amplitudes {
+    double sine = 0, cosine = 0;
+    double power() const { return sine * sine + cosine * cosine; }
+    double phase_rad() const;  ///< of the sine that they are together
+  };
+  Amplitudes amplitudes() const;
+
+ private:
+  double ss_ = 0, sc_ = 0, cc_ = 0, se_ = 0, ce_ = 0;
+};
+
 /// Circular autocovariance of x − mean x padded with zeros: r_l = Σ_t x_t x_{t+l}, l = 0 … n − 1. Cost O(n log n).
 std::vector<double> autocovariance(std::span<const double> x);
 
