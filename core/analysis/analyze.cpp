@@ -135,7 +135,8 @@ Result<void> require_current(const Reference& reference) {
 }
 
 /// What the simulation gets wrong, into the analysis; the extended model's free runs into `runs` where there is one.
-Result<void> diagnose(std::span<const Recording> recordings, const PartToFit& part, const ValveFit& fit,
+/// `fit` becomes the baseline that was compared in the end.
+Result<void> diagnose(std::span<const Recording> recordings, const PartToFit& part, ValveFit& fit,
                       const ValveFitOptions& options, const Reference& reference, const StageReport& report,
                       Analysis& analysis, FreeRuns& runs) {
   ValveDiagnosis diagnosis = diagnose_valve(part.recordings, fit,
@@ -145,6 +146,8 @@ Result<void> diagnose(std::span<const Recording> recordings, const PartToFit& pa
                                              .leftovers = reference.leftovers,
                                              .report = report});
   analysis.discrepancy = std::move(diagnosis.discrepancy);
+  analysis.baseline.model = std::move(diagnosis.baseline_model);
+  fit.simulated = std::move(diagnosis.baseline);
   analysis.extended_model = std::move(diagnosis.extended_model);
   if (analysis.discrepancy->causes.empty()) return {};
   auto extended = on_all_samples(part, std::move(diagnosis.extended), analysis.extended_model, recordings);

@@ -34,8 +34,8 @@ constexpr double kWhiteAtRest = 5;
 // Slow noise at rest of so many times the power of the fast noise, three times it in the rms altogether, is no noise: a
 // gauge that sticks shows another level at every rest. What is slow where the valve moves is measured against rest.
 constexpr double kMostSlowNoise = 10;
-// A tone whose strength differs between recordings by half of it, in the mean square, is no tone of the stand.
-constexpr double kUnevenTone = 0.25;
+// A tone or a drift whose strength differs between recordings by half of it, in the mean square, is none of the stand.
+constexpr double kUneven = 0.25;
 // Of hunting in a recording: less is none.
 constexpr double kHalfSeen = 0.5;
 // A line this far above its neighbours, all lines of all recordings counted, is no chance of coloured noise.
@@ -48,58 +48,48 @@ constexpr double kMostHarm = 0.01;
 constexpr double kUnexplainedName = 0.5;
 constexpr int kRefitSteps = 12;
 
-/// What a tone does in one recording.
-struct ToneIn {
-  double energy = 0;  ///< of the tone, in noise variances
+/// What a law does in one recording.
+struct ShareIn {
+  double energy = 0;  ///< of what it does, in noise variances
   double seen = 0;    ///< of it, by what the recording holds without it; 1 where it is all there
   /// The square of the deviation of that from 1, over its variance in white noise.
   double deviation() const { return energy * (1 - seen) * (1 - seen); }
 };
 
-std::vector<ToneIn> tone_by_recording(const Explanation& explanation, std::size_t law, const Explanation& baseline) {
-  const Explanation others = explanation.laws.size() > 1 ? without(explanation, law, 0) : baseline.copy();
+std::vector<ShareIn> share_by_recording(const Explanation& explanation, const Explanation& others) {
   const Stack with = whitened_residual(explanation), alone = whitened_residual(others);
-  std::vector<ToneIn> tones;
+  std::vector<ShareIn> shares;
   for (std::size_t r = 0; r < with.size(); ++r) {
-    const Eigen::VectorXd tone = alone[r] - with[r];
-    const double energy = tone.squaredNorm();
-    if (energy > 0) tones.push_back({energy, tone.dot(alone[r]) / energy});
+    const Eigen::VectorXd effect = alone[r] - with[r];
+    const double energy = effect.squaredNorm();
+    if (energy > 0) shares.push_back({energy, effect.dot(alone[r]) / energy});
   }
-  return tones;
+  return shares;
 }
 
-/// Whether a tone that should be the same in every recording is not: how strong each recording has it, over all of
-/// them together, and by more than noise.
-bool is_uneven(std::span<const ToneIn> tones) {
+/// Whether what should be the same in every recording is not: how strong each recording has it, over all of them
+/// together, and by more than noise.
+bool is_uneven(std::span<const ShareIn> shares) {
   double energy = 0, deviation = 0;
-  for (const ToneIn& tone : tones) {
-    energy += tone.energy;
-    deviation += tone.deviation();
+  for (const ShareIn& share : shares) {
+    energy += share.energy;
+    deviation += share.deviation();
   }
-  if (tones.empty()) return false;
-  const boost::math::chi_squared equal(static_cast<double>(tones.size()));
+  if (shares.empty()) return false;
+  const boost::math::chi_squared equal(static_cast<double>(shares.size()));
   const double p = boost::math::cdf(boost::math::complement(equal, deviation));
-  return deviation > kUnevenTone * energy && p < kFalseAlarm;
+  return deviation > kUneven * energy && p < kFalseAlarm;
 }
 
 /// Whether hunting is not there in recordings that come to its level: they have less than half of it, by five standard
 /// errors, and more is missing than a law, as an idealisation, errs by where the cycle dies out.
-bool is_missing(std::span<const ToneIn> tones) {
+bool is_missing(std::span<const ShareIn> shares) {
   double energy = 0, missing = 0;
-  for (const ToneIn& tone : tones) {
-    energy += tone.energy;
-    if (tone.seen < kHalfSeen) missing += tone.deviation();
+  for (const ShareIn& share : shares) {
+    energy += share.energy;
+    if (share.seen < kHalfSeen) missing += share.deviation();
   }
   return missing > std::max(kLeastEvidence, kIdealisation * energy);
-}
-
-bool comes_and_goes(const Explanation& explanation, const Explanation& baseline) {
-  for (std::size_t l = 0; l < explanation.laws.size(); ++l) {
-    const std::string_view cause = explanation.laws[l].law.law->cause;
-    if (cause == "periodic_disturbance" && is_uneven(tone_by_recording(explanation, l, baseline))) return true;
-    if (cause == "self_oscillation" && is_missing(tone_by_recording(explanation, l, baseline))) return true;
-  }
-  return false;
 }
 
 /// What the residual of an explanation depends on.
@@ -186,6 +176,55 @@ struct Grounds {
  private:
   std::size_t parameters_of(std::size_t l) const { return explanation().laws[l].law.law->parameters.size(); }
 };
+
+/// Whether how fast a reading drifts follows the output: by the integral of the output, as far as nothing else that the
+/// fit moves explains it, over five standard errors, and by more than a law, as an idealisation, errs. Creep in
+/// proportion to the load, of gauge or valve, goes like that, and is no drift of the reading.
+///
+/// linear  of the explanation
+/// others  the explanation without the drift
+bool follows_load(const LinearisedValve& linear, const Explanation& others, double inflation) {
+  const ValveFitProblem& problem = linear.problem();
+  Stack load;
+  double of_drift = 0, of_load = 0, of_both = 0;
+  for (std::size_t r = 0; r < problem.recordings(); ++r) {
+    const Recording& recording = problem.recording(r);
+    std::vector<double> crept = linear.run(r).output;
+    double integral = 0;
+    for (std::size_t i = 0; i < crept.size(); ++i) {
+      if (recording.is_valid(i)) integral += recording.output.values[i] * recording.sample_period_s;
+      crept[i] += integral;
+    }
+    load.push_back(linear.whitened(r, crept));
+    const Eigen::VectorXd drift = linear.whitened(r, others.problem->simulate(others.v, r));
+    of_drift += drift.squaredNorm();
+    of_load += load.back().squaredNorm();
+    of_both += drift.dot(load.back());
+  }
+  const LinearisedValve::Signature beyond = linear.signature(std::move(load));
+  const double information = linear.product(beyond, beyond), against_error = linear.against_error(beyond);
+  if (!(information > 0) || !(of_drift > 0)) return false;
+  const double rate = against_error / information;
+  const double uneven = rate * rate * (of_load - of_both * of_both / of_drift);
+  return against_error * rate > kLeastEvidence * inflation && uneven > kIdealisation * kIdealisation * of_drift;
+}
+
+/// Whether a law that should do the same everywhere does not.
+bool comes_and_goes(const Grounds& grounds, const LinearisedValve& linear) {
+  const Explanation& explanation = grounds.explanation();
+  for (std::size_t l = 0; l < explanation.laws.size(); ++l) {
+    const std::string_view cause = explanation.laws[l].law.law->cause;
+    // Of a single tone the baseline takes up nothing.
+    const bool is_tone = cause == "periodic_disturbance" || cause == "self_oscillation";
+    if (!is_tone && cause != "sensor_drift") continue;
+    const bool is_single = is_tone && explanation.laws.size() == 1;
+    const Explanation others = is_single ? grounds.searched.baseline.copy() : without(explanation, l, 0);
+    const auto shares = share_by_recording(explanation, others);
+    if (cause == "self_oscillation" ? is_missing(shares) : is_uneven(shares)) return true;
+    if (cause == "sensor_drift" && follows_load(linear, others, grounds.inflation)) return true;
+  }
+  return false;
+}
 
 /// Puts the 95 % interval of a fitted parameter around its estimate: from the profile of the cost, `between`, what its
 /// reading as a property of this valve alone is uncertain by, and what its law leaves out.
@@ -413,15 +452,25 @@ std::optional<NextTest> next_test(const Grounds& grounds, const std::vector<Name
   return advise_next_test(alternatives_at(grounds, *open, causes[*open]), advice);
 }
 
+/// With the map that its model has: one that rises, where the fit's has a dip that noise made.
+Explanation as_shown(const Explanation& explanation) {
+  Explanation shown = explanation.copy();
+  const ValveFitProblem& problem = *shown.problem;
+  shown.v.segment(ValveFitProblem::kParameters, problem.knots()) = problem.rising_map(shown.v);
+  return shown;
+}
+
+FreeRunsOf runs_of(const Explanation& explanation) {
+  FreeRunsOf runs;
+  const ValveFitProblem& problem = *explanation.problem;
+  for (std::size_t r = 0; r < problem.recordings(); ++r) runs.push_back(problem.simulate(explanation.v, r));
+  return runs;
+}
+
 /// Free runs of the explanation without each of its laws in turn, nothing else moved.
 std::vector<FreeRunsOf> runs_without(const Explanation& explanation) {
   std::vector<FreeRunsOf> runs;
-  for (std::size_t l = 0; l < explanation.laws.size(); ++l) {
-    const Explanation others = without(explanation, l, 0);
-    FreeRunsOf run;
-    for (std::size_t r = 0; r < others.problem->recordings(); ++r) run.push_back(others.problem->simulate(others.v, r));
-    runs.push_back(std::move(run));
-  }
+  for (std::size_t l = 0; l < explanation.laws.size(); ++l) runs.push_back(runs_of(without(explanation, l, 0)));
   return runs;
 }
 
@@ -554,7 +603,7 @@ bool is_explained(const Grounds& grounds, const LinearisedValve& linear, const L
   const bool is_disturbed = std::any_of(explanation.laws.begin(), explanation.laws.end(),
                                         [](const LawFit& law) { return law.law.law->family == "disturbance"; });
   if (is_disturbed && leftover.at_rest_deviations > kWhiteAtRest) return false;
-  if (comes_and_goes(explanation, baseline)) return false;
+  if (comes_and_goes(grounds, linear)) return false;
   // What makes recordings that it was not fitted to worse is not what happened, however well it fits the others.
   if (gain.reduction < -kMostHarm) return false;
 
@@ -570,7 +619,11 @@ bool is_explained(const Grounds& grounds, const LinearisedValve& linear, const L
 }  // namespace
 
 ValveDiagnosis conclude(const SearchedValve& searched, const ValveDiagnosisOptions& options) {
-  if (auto slip = recording_slip(searched)) return conclude_slip(searched, std::move(*slip));
+  if (auto slip = recording_slip(searched)) {
+    ValveDiagnosis diagnosis = conclude_slip(searched, std::move(*slip));
+    diagnosis.baseline = runs_of(as_shown(searched.baseline));
+    return diagnosis;
+  }
   const Explanation& explanation = searched.explanation;
   const double inflation = noise_inflation(whitened_residual(explanation));
   const Grounds grounds{.searched = searched,
@@ -608,12 +661,11 @@ ValveDiagnosis conclude(const SearchedValve& searched, const ValveDiagnosisOptio
   discrepancy.candidates = candidates_of(grounds, discrepancy, leftover, linear, is_taken_up);
   discrepancy.next_test = next_test(grounds, discrepancy.causes, leftover.p_value > kUsualLeftover);
 
+  diagnosis.baseline_model = searched.baseline.model();
+  diagnosis.baseline = runs_of(as_shown(searched.baseline));
   diagnosis.extended_model = grounds.extended;
-  // The model's map rises; where the fit's has a dip that noise made, what is shown is what the model does.
-  Explanation shown = explanation.copy();
-  const ValveFitProblem& problem = *shown.problem;
-  shown.v.segment(ValveFitProblem::kParameters, problem.knots()) = problem.rising_map(shown.v);
-  for (std::size_t r = 0; r < problem.recordings(); ++r) diagnosis.extended.push_back(problem.simulate(shown.v, r));
+  const Explanation shown = as_shown(explanation);
+  diagnosis.extended = runs_of(shown);
   diagnosis.without_cause = runs_without(shown);
   return diagnosis;
 }

@@ -565,6 +565,12 @@ bool is_bent(double inflation, const LinearisedValve& linear, const Explanation&
          hides_a_fault(inflation, linear, options);
 }
 
+/// Whether the best joint fit is of a law of memory. What is left by one says nothing of another: the valley of
+/// friction is narrow, and play or a loop that stands in for it leaves little.
+bool is_led_by_memory(const Explanation& closest, const Explanation& beside) {
+  return &closest != &beside && closest.laws.back().law.law->family == "memory";
+}
+
 /// The survey from where the fit stands and, where that has bent, from where a good valve stands as well.
 Survey survey_all(const LinearisedValve& linear, const Explanation& beside, bool bent,
                   const ValveDiagnosisOptions& options) {
@@ -694,7 +700,10 @@ Contest hold_contest(const Explanation& beside, const ValveDiagnosisOptions& opt
     fit_jointly(late_entries(leading, contest.survey, joint.racing), beside, bent, joint);
     fit_in_place_of_kin(beside, joint);
     const double left = joint.lowest < beside.cost ? joint.inflation : inflation;
-    if (hides_a_fault(left, closest_of(joint, beside), options)) fit_from_slips(contest.survey, beside, joint);
+    const Explanation& closest = closest_of(joint, beside);
+    if (is_led_by_memory(closest, beside) || hides_a_fault(left, closest, options)) {
+      fit_from_slips(contest.survey, beside, joint);
+    }
   }
   enter(contest, joint, linear, beside, options);
   settle_borne_out(contest, joint, beside, laws, options);

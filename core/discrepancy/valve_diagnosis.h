@@ -24,6 +24,8 @@ using FreeRunsOf = std::vector<std::vector<double>>;
 
 struct ValveDiagnosis {
   Discrepancy discrepancy;
+  Model baseline_model;                   ///< of the fit without causes: the given one, or a better one that was met
+  FreeRunsOf baseline;                    ///< its free runs
   Model extended_model;                   ///< the baseline's where nothing was added
   FreeRunsOf extended;                    ///< its free runs
   std::vector<FreeRunsOf> without_cause;  ///< by cause: the same without it, nothing else moved

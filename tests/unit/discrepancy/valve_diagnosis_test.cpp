@@ -189,6 +189,32 @@ TEST(ValveDiagnosis, AToneThatHalfOfTheRecordingsHaveIsNotTheStands) {
   EXPECT_EQ(with_tone(2, 0.2).conclusion, Conclusion::kUnexplained);
 }
 
+TEST(ValveDiagnosis, ADriftThatFollowsTheLoadIsNotTheReadings) {
+  const test::MadeValve valve;
+  auto healthy = test::session(valve, kNoise_psi, 5);
+  std::vector<double> staircase;
+  for (int step = 0; step < 24; ++step) staircase.insert(staircase.end(), 200, 1.0 + 0.1 * std::min(step, 23 - step));
+  healthy.push_back(test::played(valve, TestKind::kStaircase, staircase, {}, kNoise_psi, 9));
+  const Population population(healthy, valve);
+  // Creep by three hundredths of the load, not settled in half a minute; or the same rate at every level.
+  const auto with_drift = [&](double of_load, double psi_per_s) {
+    auto recordings = healthy;
+    for (Recording& recording : recordings) {
+      double crept = 0;
+      for (std::size_t i = 0; i < recording.samples(); ++i) {
+        double& output = recording.output.values[i];
+        crept += (of_load * output - crept) * recording.sample_period_s / 30;
+        output += crept + psi_per_s * static_cast<double>(i) * recording.sample_period_s;
+      }
+    }
+    return diagnosed(recordings, population).discrepancy;
+  };
+  const Discrepancy drift = with_drift(0, 0.03);
+  EXPECT_EQ(drift.conclusion, Conclusion::kNamed);
+  EXPECT_EQ(drift.causes.front().cause, "sensor_drift");
+  EXPECT_EQ(with_drift(0.03, 0).conclusion, Conclusion::kUnexplained);
+}
+
 TEST(ValveDiagnosis, HuntingIsNamedWhosePhaseDriftsAndNotAToneThatDriftsAtAllLevels) {
   const test::MadeValve valve;
   const auto healthy = test::session(valve, kNoise_psi, 5);
