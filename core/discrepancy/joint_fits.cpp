@@ -23,6 +23,7 @@ constexpr std::size_t kStartsFromPlace = 2;
 // range of inputs; the middle of what its search begins with for the rest.
 constexpr double kLeastBreakaway = 0.001, kKineticShare = 0.75, kStribeckSpeed = 0.25;
 constexpr int kBreakaways = 7;
+constexpr int kRoundsInPlace = 2;
 constexpr double kNarrow = 5;
 // What one loop holds another holds about as far.
 constexpr std::array kSharesTakenOver{0.75, 1.0, 1.25};
@@ -152,6 +153,25 @@ void fit_in_place_of_kin(const Explanation& beside, JointFits& joint) {
                                 taking_over(tested, beside, place, width_a));
     joint.compare(fitted);
     if (fitted.cost < joint.fitted[i].cost) joint.fitted[i] = std::move(fitted);
+  }
+}
+
+void fit_in_place_of_leader(const Explanation& beside, JointFits& joint) {
+  for (int round = 0; round < kRoundsInPlace; ++round) {
+    const Explanation& leading = closest_of(joint, beside);
+    if (&leading == &beside) return;
+    const auto leader = static_cast<std::size_t>(&leading - joint.fitted.data());
+    const double lowest = leading.cost;
+    const VectorXd place = without(leading, leading.laws.size() - 1, 0).v;
+    for (std::size_t i = 0; i < joint.fitted.size(); ++i) {
+      const Tested& tested = *joint.racing[i];
+      if (i == leader || tested.fit.law.recording) continue;
+      Explanation fitted = extend(beside, tested.fit, kJointSteps, lowest - kInTheRace * joint.inflation,
+                                  joint_starts(tested, beside, {&place, 1}));
+      joint.compare(fitted);
+      if (fitted.cost < joint.fitted[i].cost) joint.fitted[i] = std::move(fitted);
+    }
+    if (!(joint.lowest < lowest)) return;
   }
 }
 

@@ -37,6 +37,10 @@ void fit_in_place_of_kin(const Explanation& beside, JointFits& joint);
 /// and what a bent fit forecasts of them is nothing, whatever it promises.
 void fit_from_slips(const Survey& survey, const Explanation& beside, JointFits& joint);
 
+/// Every law once more from the valve that the best fit so far has found under its law: the way there may be narrow for
+/// the others, and a rival that has not been there is no worse for it.
+void fit_in_place_of_leader(const Explanation& beside, JointFits& joint);
+
 /// What leaves least: the best joint fit, or what they all stand beside.
 const Explanation& closest_of(const JointFits& joint, const Explanation& beside);
 

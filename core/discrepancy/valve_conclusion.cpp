@@ -34,8 +34,9 @@ constexpr double kWhiteAtRest = 5;
 // Slow noise at rest of so many times the power of the fast noise, three times it in the rms altogether, is no noise: a
 // gauge that sticks shows another level at every rest. What is slow where the valve moves is measured against rest.
 constexpr double kMostSlowNoise = 10;
-// A tone or a drift whose strength differs between recordings by half of it, in the mean square, is none of the stand.
-constexpr double kUneven = 0.25;
+// A tone whose strength differs between recordings by half of it, in the root mean square, is none of the stand, and a
+// drift whose rate differs by a tenth is not the same in all of them, as its law has it.
+constexpr double kUnevenTone = 0.5, kUnevenDrift = 0.1;
 // Of hunting in a recording: less is none.
 constexpr double kHalfSeen = 0.5;
 // A line this far above its neighbours, all lines of all recordings counted, is no chance of coloured noise.
@@ -69,7 +70,9 @@ std::vector<ShareIn> share_by_recording(const Explanation& explanation, const Ex
 
 /// Whether what should be the same in every recording is not: how strong each recording has it, over all of them
 /// together, and by more than noise.
-bool is_uneven(std::span<const ShareIn> shares) {
+///
+/// uneven  root mean square of what they may differ by, as a share of it
+bool is_uneven(std::span<const ShareIn> shares, double uneven, double inflation) {
   double energy = 0, deviation = 0;
   for (const ShareIn& share : shares) {
     energy += share.energy;
@@ -77,8 +80,8 @@ bool is_uneven(std::span<const ShareIn> shares) {
   }
   if (shares.empty()) return false;
   const boost::math::chi_squared equal(static_cast<double>(shares.size()));
-  const double p = boost::math::cdf(boost::math::complement(equal, deviation));
-  return deviation > kUneven * energy && p < kFalseAlarm;
+  const double p = boost::math::cdf(boost::math::complement(equal, deviation / inflation));
+  return deviation > uneven * uneven * energy && p < kFalseAlarm;
 }
 
 /// Whether hunting is not there in recordings that come to its level: they have less than half of it, by five standard
@@ -220,7 +223,9 @@ bool comes_and_goes(const Grounds& grounds, const LinearisedValve& linear) {
     const bool is_single = is_tone && explanation.laws.size() == 1;
     const Explanation others = is_single ? grounds.searched.baseline.copy() : without(explanation, l, 0);
     const auto shares = share_by_recording(explanation, others);
-    if (cause == "self_oscillation" ? is_missing(shares) : is_uneven(shares)) return true;
+    if (cause == "self_oscillation" && is_missing(shares)) return true;
+    if (cause == "periodic_disturbance" && is_uneven(shares, kUnevenTone, 1)) return true;
+    if (cause == "sensor_drift" && is_uneven(shares, kUnevenDrift, grounds.inflation)) return true;
     if (cause == "sensor_drift" && follows_load(linear, others, grounds.inflation)) return true;
   }
   return false;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <boost/math/distributions/chi_squared.hpp>
+#include <boost/math/distributions/normal.hpp>
 #include <boost/math/distributions/students_t.hpp>
 #include <cmath>
 #include <limits>
@@ -402,6 +403,14 @@ void keep_consistent(const Ranked& winner, WinnersFit& fit, std::vector<Ranked>&
   }
 }
 
+/// Whether the winner makes the spool stick and a rival of its family is as good by where it is better: free runs that
+/// stick can be laid through much, and a slip that happens to fit tells nothing of the next (Vuong's test).
+bool is_matched_by(const Ranked& winner, const Ranked& rival) {
+  if (!winner.sticks || !rival.fitted_jointly || !are_kin(winner, rival)) return false;
+  const double z = contrast(winner.residual, rival.residual).z;
+  return boost::math::cdf(boost::math::complement(boost::math::normal(), z)) > kFalseAlarm;
+}
+
 /// A fitted law is never the whole physics: where a rival removes nearly as much of the cost, or ranks above,
 /// likelihood alone does not settle the name, and such rivals keep a share of the probability. What the law gets wrong
 /// shows in what it leaves: a rival is out where the evidence against it is beyond what good valves differ by and borne
@@ -422,7 +431,8 @@ void keep_margins(Contest& contest, WinnersFit& fit, const ValveDiagnosisOptions
   for (Ranked& r : ranked) {
     const bool is_kin = are_kin(won, r);
     const bool is_near = reduction_within_reach(r, ranked) >= (is_kin ? kFamilyMargin : kMargin) * won.reduction;
-    const bool is_open = is_kin && ((is_family_open && r.fitted_jointly) || has_lost_its_way(r, won));
+    const bool is_open =
+        is_kin && ((is_family_open && r.fitted_jointly) || has_lost_its_way(r, won) || is_matched_by(won, r));
     if (r.cause != won.cause && competes_with(won.cause, r) && (is_open || (is_near && !is_out(r)))) {
       r.probability = std::max(r.probability, kRivalShare);
     }
@@ -703,7 +713,9 @@ Contest hold_contest(const Explanation& beside, const ValveDiagnosisOptions& opt
     const Explanation& closest = closest_of(joint, beside);
     if (is_led_by_memory(closest, beside) || hides_a_fault(left, closest, options)) {
       fit_from_slips(contest.survey, beside, joint);
+      fit_in_place_of_kin(beside, joint);
     }
+    fit_in_place_of_leader(beside, joint);
   }
   enter(contest, joint, linear, beside, options);
   settle_borne_out(contest, joint, beside, laws, options);
