@@ -403,6 +403,12 @@ void keep_consistent(const Ranked& winner, WinnersFit& fit, std::vector<Ranked>&
   }
 }
 
+/// What good valves show as well tells no valve from them; but where it does as much as the winner, the winner is not
+/// told from what a good valve may have.
+bool does_as_much(const Ranked& winner, const Ranked& rival) {
+  return rival.fitted_jointly && rival.reduction >= winner.reduction;
+}
+
 /// Whether the winner makes the spool stick and a rival of its family is as good by where it is better: free runs that
 /// stick can be laid through much, and a slip that happens to fit tells nothing of the next (Vuong's test).
 bool is_matched_by(const Ranked& winner, const Ranked& rival) {
@@ -433,7 +439,8 @@ void keep_margins(Contest& contest, WinnersFit& fit, const ValveDiagnosisOptions
     const bool is_near = reduction_within_reach(r, ranked) >= (is_kin ? kFamilyMargin : kMargin) * won.reduction;
     const bool is_open =
         is_kin && ((is_family_open && r.fitted_jointly) || has_lost_its_way(r, won) || is_matched_by(won, r));
-    if (r.cause != won.cause && competes_with(won.cause, r) && (is_open || (is_near && !is_out(r)))) {
+    const bool competes = competes_with(won.cause, r) || does_as_much(won, r);
+    if (r.cause != won.cause && competes && (is_open || (is_near && !is_out(r)))) {
       r.probability = std::max(r.probability, kRivalShare);
     }
   }
