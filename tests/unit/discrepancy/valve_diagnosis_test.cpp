@@ -583,7 +583,7 @@ TEST(ValveDiagnosis, ASizeThatIsExcludedWouldHaveBeenFound) {
     // Five standard errors are a name, the colour that the noise seems to have paid for; a limit is 1.6 of them from
     // the likeliest size.
     const double neutral = find_mechanism(cause)->neutral;
-    const double excluded = neutral + 7 * (limits.at(parameter) - neutral);
+    const double excluded = neutral + 6 * (limits.at(parameter) - neutral);
     const auto spoiled = with_cause(healthy, population.model(valve), {.cause = cause, .parameters = {excluded}});
     const Discrepancy found = diagnosed(spoiled, population).discrepancy;
     ASSERT_FALSE(found.causes.empty()) << cause << ' ' << excluded;
