@@ -23,10 +23,11 @@ constexpr std::size_t kStartsFromPlace = 2;
 // range of inputs; the middle of what its search begins with for the rest.
 constexpr double kLeastBreakaway = 0.001, kKineticShare = 0.75, kStribeckSpeed = 0.25;
 constexpr int kBreakaways = 7;
-constexpr int kRoundsInPlace = 2;
 constexpr double kNarrow = 5;
 // What one loop holds another holds about as far.
 constexpr std::array kSharesTakenOver{0.75, 1.0, 1.25};
+// A law that comes to lead from the leader's valve has found another: once more from there.
+constexpr int kRoundsInPlace = 2;
 
 /// A law of memory on a valve at `place`, where it takes over what held the output over `width_a`. About as wide, each
 /// time that of its starts which simulates best.
@@ -110,6 +111,19 @@ std::vector<JointStart> joint_starts(const Tested& tested, const Explanation& be
   return starts;
 }
 
+/// The valve under an explanation's last law.
+VectorXd valve_under(const Explanation& explanation) {
+  return without(explanation, explanation.laws.size() - 1, 0).v;
+}
+
+/// A law of the race once more, from other starts; the better of its fits stays.
+void fit_again(std::size_t i, const Explanation& beside, std::span<const JointStart> starts, double hopeless,
+               JointFits& joint) {
+  Explanation fitted = extend(beside, joint.racing[i]->fit, kJointSteps, hopeless, starts);
+  joint.compare(fitted);
+  if (fitted.cost < joint.fitted[i].cost) joint.fitted[i] = std::move(fitted);
+}
+
 }  // namespace
 
 void JointFits::compare(const Explanation& with) {
@@ -144,15 +158,12 @@ void fit_in_place_of_kin(const Explanation& beside, JointFits& joint) {
   }
   if (!best || joint.fitted[*best].cost >= beside.cost) return;
   const Explanation& leading = joint.fitted[*best];
-  const VectorXd place = without(leading, leading.laws.size() - 1, 0).v;
+  const VectorXd place = valve_under(leading);
   const double width_a = leading.laws.back().law.law->memory->width_a(leading.parameters_of_last());
   for (std::size_t i = 0; i < joint.fitted.size(); ++i) {
     if (i == *best || !joint.racing[i]->is_of_memory()) continue;
-    const Tested& tested = *joint.racing[i];
-    Explanation fitted = extend(beside, tested.fit, kJointSteps, joint.lowest - kInTheRace * joint.inflation,
-                                taking_over(tested, beside, place, width_a));
-    joint.compare(fitted);
-    if (fitted.cost < joint.fitted[i].cost) joint.fitted[i] = std::move(fitted);
+    fit_again(i, beside, taking_over(*joint.racing[i], beside, place, width_a),
+              joint.lowest - kInTheRace * joint.inflation, joint);
   }
 }
 
@@ -162,14 +173,11 @@ void fit_in_place_of_leader(const Explanation& beside, JointFits& joint) {
     if (&leading == &beside) return;
     const auto leader = static_cast<std::size_t>(&leading - joint.fitted.data());
     const double lowest = leading.cost;
-    const VectorXd place = without(leading, leading.laws.size() - 1, 0).v;
+    const VectorXd place = valve_under(leading);
     for (std::size_t i = 0; i < joint.fitted.size(); ++i) {
       const Tested& tested = *joint.racing[i];
       if (i == leader || tested.fit.law.recording) continue;
-      Explanation fitted = extend(beside, tested.fit, kJointSteps, lowest - kInTheRace * joint.inflation,
-                                  joint_starts(tested, beside, {&place, 1}));
-      joint.compare(fitted);
-      if (fitted.cost < joint.fitted[i].cost) joint.fitted[i] = std::move(fitted);
+      fit_again(i, beside, joint_starts(tested, beside, {&place, 1}), lowest - kInTheRace * joint.inflation, joint);
     }
     if (!(joint.lowest < lowest)) return;
   }

@@ -137,8 +137,7 @@ std::optional<Finding> recording_slip(const SearchedValve& searched) {
 
 ValveDiagnosis conclude_slip(const SearchedValve& searched, Finding slip) {
   ValveDiagnosis diagnosis;
-  diagnosis.baseline_model = searched.baseline.model();
-  diagnosis.extended_model = diagnosis.baseline_model;
+  diagnosis.extended_model = searched.baseline.model();
   Discrepancy& discrepancy = diagnosis.discrepancy;
   discrepancy.conclusion = Conclusion::kUnexplained;
   discrepancy.gain = {.rmse_baseline = kUnknown,

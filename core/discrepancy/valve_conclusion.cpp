@@ -95,17 +95,21 @@ bool is_missing(std::span<const ShareIn> shares) {
   return missing > std::max(kLeastEvidence, kIdealisation * energy);
 }
 
+FreeRunsOf runs_of(const Explanation& explanation) {
+  FreeRunsOf runs;
+  const ValveFitProblem& problem = *explanation.problem;
+  for (std::size_t r = 0; r < problem.recordings(); ++r) runs.push_back(problem.simulate(explanation.v, r));
+  return runs;
+}
+
 /// What the residual of an explanation depends on.
 std::vector<Finding> dependences(const Explanation& explanation) {
-  std::vector<std::vector<double>> residuals;
   const ValveFitProblem& problem = *explanation.problem;
-  for (std::size_t r = 0; r < problem.recordings(); ++r) {
-    residuals.push_back(problem.simulate(explanation.v, r));
-    const std::vector<double>& measured = problem.recording(r).output.values;
-    for (std::size_t i = 0; i < measured.size(); ++i) residuals.back()[i] = measured[i] - residuals.back()[i];
-  }
+  std::vector<std::vector<double>> residuals = runs_of(explanation);
   std::vector<ResidualView> views;
   for (std::size_t r = 0; r < residuals.size(); ++r) {
+    const std::vector<double>& measured = problem.recording(r).output.values;
+    for (std::size_t i = 0; i < measured.size(); ++i) residuals[r][i] = measured[i] - residuals[r][i];
     views.push_back({&problem.recording(r), residuals[r], 1 / std::sqrt(problem.inverse_variance(r))});
   }
   return find_dependences(views);
@@ -465,13 +469,6 @@ Explanation as_shown(const Explanation& explanation) {
   return shown;
 }
 
-FreeRunsOf runs_of(const Explanation& explanation) {
-  FreeRunsOf runs;
-  const ValveFitProblem& problem = *explanation.problem;
-  for (std::size_t r = 0; r < problem.recordings(); ++r) runs.push_back(problem.simulate(explanation.v, r));
-  return runs;
-}
-
 /// Free runs of the explanation without each of its laws in turn, nothing else moved.
 std::vector<FreeRunsOf> runs_without(const Explanation& explanation) {
   std::vector<FreeRunsOf> runs;
@@ -621,14 +618,7 @@ bool is_explained(const Grounds& grounds, const LinearisedValve& linear, const L
   return !is_left || (!explanation.laws.empty() && remains < kMostLeft * there && is_borne_out(gain));
 }
 
-}  // namespace
-
-ValveDiagnosis conclude(const SearchedValve& searched, const ValveDiagnosisOptions& options) {
-  if (auto slip = recording_slip(searched)) {
-    ValveDiagnosis diagnosis = conclude_slip(searched, std::move(*slip));
-    diagnosis.baseline = runs_of(as_shown(searched.baseline));
-    return diagnosis;
-  }
+ValveDiagnosis conclude_search(const SearchedValve& searched, const ValveDiagnosisOptions& options) {
   const Explanation& explanation = searched.explanation;
   const double inflation = noise_inflation(whitened_residual(explanation));
   const Grounds grounds{.searched = searched,
@@ -666,12 +656,20 @@ ValveDiagnosis conclude(const SearchedValve& searched, const ValveDiagnosisOptio
   discrepancy.candidates = candidates_of(grounds, discrepancy, leftover, linear, is_taken_up);
   discrepancy.next_test = next_test(grounds, discrepancy.causes, leftover.p_value > kUsualLeftover);
 
-  diagnosis.baseline_model = searched.baseline.model();
-  diagnosis.baseline = runs_of(as_shown(searched.baseline));
   diagnosis.extended_model = grounds.extended;
   const Explanation shown = as_shown(explanation);
   diagnosis.extended = runs_of(shown);
   diagnosis.without_cause = runs_without(shown);
+  return diagnosis;
+}
+
+}  // namespace
+
+ValveDiagnosis conclude(const SearchedValve& searched, const ValveDiagnosisOptions& options) {
+  auto slip = recording_slip(searched);
+  ValveDiagnosis diagnosis = slip ? conclude_slip(searched, std::move(*slip)) : conclude_search(searched, options);
+  diagnosis.baseline_model = searched.baseline.model();
+  diagnosis.baseline = runs_of(as_shown(searched.baseline));
   return diagnosis;
 }
 

@@ -409,10 +409,10 @@ bool does_as_much(const Ranked& winner, const Ranked& rival) {
   return rival.fitted_jointly && rival.reduction >= winner.reduction;
 }
 
-/// Whether the winner makes the spool stick and a rival of its family is as good by where it is better: free runs that
-/// stick can be laid through much, and a slip that happens to fit tells nothing of the next (Vuong's test).
+/// Whether the winner makes the spool stick and a rival is as good by where it is better: free runs that stick can be
+/// laid through much, and a slip that happens to fit tells nothing of the next (Vuong's test).
 bool is_matched_by(const Ranked& winner, const Ranked& rival) {
-  if (!winner.sticks || !rival.fitted_jointly || !are_kin(winner, rival)) return false;
+  if (!winner.sticks || !rival.fitted_jointly) return false;
   const double z = contrast(winner.residual, rival.residual).z;
   return boost::math::cdf(boost::math::complement(boost::math::normal(), z)) > kFalseAlarm;
 }

@@ -19,6 +19,7 @@ constexpr double kFirstContest = 0.3, kFurtherContest = 0.1, kReconsidered = 0.6
 // A further cause explains at least this share of what is left above the noise (three in ten, lesson of the pairs).
 constexpr double kShareOfASecond = 0.3;
 constexpr int kMostCauses = 3;
+// The first better baseline is found beside a poor one, and may itself be bettered.
 constexpr int kMostBaselines = 2;
 // And it explains more than the laws before it may leave of their own signature, as idealisations: three times as much
 // of it where free runs stick, which miss the instants of slips.
@@ -32,7 +33,7 @@ class Diagnosis {
   ValveDiagnosis run() {
     report_stage(options_.report, 0, "trying every known cause");
     first_ = hold_contest(baseline_, options_);
-    for (int again = 0; again < kMostBaselines && has_better_baseline(); ++again) {
+    for (int again = 0; again < kMostBaselines && take_better_baseline(); ++again) {
       first_ = hold_contest(baseline_, options_);
     }
     unseen_ = odds_of_being_too_small(first_);
@@ -62,8 +63,8 @@ class Diagnosis {
 
  private:
   /// A law that moves the valve to where it fits better without the law has found a lower valley of the baseline, and
-  /// is credited with what is none of its own: the valve alone goes there, and the laws are asked again.
-  bool has_better_baseline() {
+  /// is credited with what is none of its own: the valve alone goes there. Whether there was one.
+  bool take_better_baseline() {
     const Explanation* closest = nullptr;
     double lowest = baseline_.cost - kLeastEvidence;
     const auto look_at = [&](const Explanation& fit) {

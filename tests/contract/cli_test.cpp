@@ -33,6 +33,11 @@ class Cli : public ::testing::Test {
                      "--tests", "step"})
                   .status,
               0);
+    // Recordings that tell that the spool sticks: on steps from zero it shows little.
+    ASSERT_EQ(stand({"session", "--out", file("sticking"), "--serial", "EFC-1", "--lot", "L1", "--effect",
+                     "friction=0.07", "--tests", "step,staircase"})
+                  .status,
+              0);
     const Outcome learned =
         test::valvetriage({"reference", "learn", file("good"), "--valve-type", "type-1", "-o", reference()});
     ASSERT_EQ(learned.status, 0) << learned.err;
@@ -52,37 +57,22 @@ class Cli : public ::testing::Test {
     return files;
   }
 
-  static std::vector<std::string> analyze_arguments(const std::vector<std::string>& more) {
+  static std::vector<std::string> analyze_arguments(const std::vector<std::string>& more,
+                                                    const std::string& folder = "valve") {
     std::vector<std::string> arguments{"analyze"};
-    for (const std::string& recording : recordings("valve")) arguments.push_back(recording);
+    for (const std::string& recording : recordings(folder)) arguments.push_back(recording);
     arguments.insert(arguments.end(), more.begin(), more.end());
     return arguments;
   }
 
-  static Json analysis(const std::vector<std::string>& more) {
-    const Outcome outcome = test::valvetriage(analyze_arguments(more));
+  static Json analysis(const std::vector<std::string>& more, const std::string& folder = "valve") {
+    const Outcome outcome = test::valvetriage(analyze_arguments(more, folder));
     EXPECT_EQ(outcome.status, 0) << outcome.err;
     return parse_json(outcome.out).value_or(Json::object());
   }
 
-  /// Of a valve whose spool sticks, in recordings that tell it: on steps from zero it shows little.
-  static std::vector<std::string> analyze_sticking() {
-    if (!std::filesystem::exists(file("sticking"))) {
-      EXPECT_EQ(stand({"session", "--out", file("sticking"), "--serial", "EFC-1", "--lot", "L1", "--effect",
-                       "friction=0.07", "--tests", "step,staircase"})
-                    .status,
-                0);
-    }
-    std::vector<std::string> arguments{"analyze", "--reference", reference()};
-    for (const std::string& recording : recordings("sticking")) arguments.push_back(recording);
-    return arguments;
-  }
   static const Json& analysis_of_sticking() {
-    static const Json document = [] {
-      std::vector<std::string> arguments = analyze_sticking();
-      arguments.push_back("--json");
-      return parse_json(test::valvetriage(arguments).out).value_or(Json::object());
-    }();
+    static const Json document = analysis({"--reference", reference(), "--json"}, "sticking");
     return document;
   }
 
@@ -266,7 +256,7 @@ TEST_F(Cli, ThePageForAPersonBeginsWithTheVerdict) {
 }
 
 TEST_F(Cli, ThePageForAPersonGivesTheIntervalOfAParameter) {
-  const Outcome outcome = test::valvetriage(analyze_sticking());
+  const Outcome outcome = test::valvetriage(analyze_arguments({"--reference", reference()}, "sticking"));
   const Json& document = analysis_of_sticking();
   ASSERT_FALSE(document["discrepancy"]["causes"].empty());
   for (const auto& [name, estimate] : document["discrepancy"]["causes"][0]["parameters"].items()) {
