@@ -426,6 +426,17 @@ Result<MachineDiagnosis> diagnose_machine(std::span<const Recording> recordings,
   if (feedback && !has_friction(verdict) && recordings.size() == 1) sticking = sticking_loop(recordings.front());
   if (sticking) friction = score_of(*sticking, data, search.ground, budget);
   if (friction) verdict = conclude_sticking(std::move(verdict), *friction, *sticking);
+  std::optional<Extension> extension;
+  if (verdict.winner) {
+    report_stage(options.report, kSearched, "fitting what won to every sample");
+    extension.emplace(friction ? unrefined(data, whole, *friction, budget)
+                               : extend(data, whole, *verdict.winner, budget));
+  }
+  if (extension && !friction) {
+    MachineScore refitted = *verdict.winner;
+    refitted.fit = extension->fit;
+    if (!has_effect(refitted, whole, search.ground)) verdict = conclude_without_effect(verdict, search, data);
+  }
 
   MachineDiagnosis diagnosis;
   Discrepancy& discrepancy = diagnosis.discrepancy;
@@ -446,17 +457,14 @@ Result<MachineDiagnosis> diagnose_machine(std::span<const Recording> recordings,
   if (options.trace) diagnosis.trace = trace_of(search, data);
   if (!verdict.winner) return diagnosis;
 
-  report_stage(options.report, kSearched, "fitting what won to every sample");
-  const Extension extension =
-      friction ? unrefined(data, whole, *friction, budget) : extend(data, whole, *verdict.winner, budget);
   gain.rmse_extended = held_out_rms(*verdict.winner) * scale;
   measure_reduction(search.linear, *verdict.winner, gain);
-  discrepancy.causes = causes_of(recordings, search, verdict, extension);
+  discrepancy.causes = causes_of(recordings, search, verdict, *extension);
   if (friction) tell_loop(*sticking, discrepancy.causes.front());
-  diagnosis.extended_model = model_of(recordings, extension, *verdict.winner);
-  diagnosis.extended = runs_of(recordings, whole, extension.fit);
+  diagnosis.extended_model = model_of(recordings, *extension, *verdict.winner);
+  diagnosis.extended = runs_of(recordings, whole, extension->fit);
   if (verdict.conclusion == Conclusion::kAmbiguous) {
-    discrepancy.next_test = settling_test(recordings, search, verdict, extension, gain);
+    discrepancy.next_test = settling_test(recordings, search, verdict, *extension, gain);
   }
   return diagnosis;
 }

@@ -525,6 +525,19 @@ MachineVerdict conclude(const MachineSearch& search, const MachineData& data, do
   return alone.conclusion == Conclusion::kNamed ? alone : verdict;
 }
 
+MachineVerdict conclude_without_effect(const MachineVerdict& verdict, const MachineSearch& search,
+                                       const MachineData& data) {
+  MachineVerdict declined = verdict;
+  decline(declined, true);
+  declined.candidates = weigh(search, data, verdict.winner, {}, declined.conclusion);
+  for (Candidate& candidate : declined.candidates) {
+    if (candidate.cause == verdict.winner->name())
+      candidate.reason = "fitted to every sample it has none of its effect";
+  }
+  add_untested(search, data, declined);
+  return declined;
+}
+
 MachineVerdict conclude_sticking(MachineVerdict by_free_runs, const MachineScore& friction, const StickingLoop& loop) {
   constexpr double kLeastRival = 0.1, kMostRival = 0.5;  // of friction's weight: a loop settles no name
   MachineVerdict verdict = std::move(by_free_runs);

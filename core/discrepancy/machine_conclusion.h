@@ -23,6 +23,11 @@ struct MachineVerdict {
 /// feedback   the input follows the output: nothing is named, memory laws stay ambiguous
 MachineVerdict conclude(const MachineSearch& search, const MachineData& data, double noise_rms, bool feedback);
 
+/// The verdict where the winner, fitted again to every sample, has nothing left of the effect that its name says:
+/// structure without a name.
+MachineVerdict conclude_without_effect(const MachineVerdict& verdict, const MachineSearch& search,
+                                       const MachineData& data);
+
 /// The verdict where the loop itself tells that its valve sticks (machine_sticking_loop.h), whatever free runs tell:
 /// `friction`, beside what else holds an input back. A regulated loop settles no name.
 ///

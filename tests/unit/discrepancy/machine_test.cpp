@@ -210,6 +210,23 @@ TEST(Machine, AHardeningSpringIsFound) {
   expect_found(diagnosis_of(recording(u, spring.run(u, kPeriod_s), kPeriod_s, kNoise, 8)), "stiffening_spring");
 }
 
+TEST(Machine, ASpringThatGivesWayOnceEverySampleIsSeenIsNotCalledStiffening) {
+  // Longer than the windows of the search, through the mode alone: from 20 to 50 Hz.
+  constexpr double kRate_hz = 750;
+  constexpr std::size_t kLong = 8192;
+  Signal u(kLong);
+  for (std::size_t i = 0; i < kLong; ++i) {
+    const double t = static_cast<double>(i) / kRate_hz;
+    u[i] = 40 * std::sin(2 * std::numbers::pi * (20 * t + 15 * t * t * kRate_hz / kLong));
+  }
+  const auto y = mass_on_a_loop(u, 2e4, 1 / kRate_hz);
+  for (const NamedCause& cause : diagnosis_of(recording(u, y, 1 / kRate_hz, 6e-7, 1)).discrepancy.causes) {
+    if (cause.cause == "stiffening_spring") {
+      EXPECT_GT(parameter(cause, "cubic_coefficient"), 0);
+    }
+  }
+}
+
 TEST(Machine, CoulombFrictionInsideAMotionIsFound) {
   const auto u = random_command(kSamples, 25, 9);
   const Oscillator sticking{.coulomb = 0.25};

@@ -156,6 +156,26 @@ struct Oscillator {
   }
 };
 
+/// Bouc's and Wen's mass of 2 kg whose spring remembers: 2 ÿ = u − 5e4 y − 10 ẏ − z, with a loop z(y) that is stiffer
+/// on the way back; 20 Euler steps per sample, symplectic in y.
+inline Signal mass_on_a_loop(const Signal& u, double loop_stiffness, double period_s) {
+  constexpr int kSteps = 20;
+  const double h = period_s / kSteps;
+  double y = 0, v = 0, z = 0;
+  Signal out(u.size());
+  for (std::size_t t = 0; t < u.size(); ++t) {
+    out[t] = y;
+    const double next = t + 1 < u.size() ? u[t + 1] : u[t];
+    for (int s = 0; s < kSteps; ++s) {
+      const double now = u[t] + (next - u[t]) * s / kSteps;
+      v += h * (now - 5e4 * y - 10 * v - z) / 2;
+      y += h * v;
+      z += h * (loop_stiffness * v - 1e3 * (0.8 * std::abs(v) * z - 1.1 * v * std::abs(z)));
+    }
+  }
+  return out;
+}
+
 /// First-order lag of static gain 1, the input held between samples; other time constants where it falls.
 inline Signal lag(const Signal& u, double tau_s, double period_s, double falling_s = 0) {
   Signal y(u.size());
