@@ -111,6 +111,18 @@ std::vector<JointStart> joint_starts(const Tested& tested, const Explanation& be
   return starts;
 }
 
+/// A law that acts at one of two places, ahead of the map or behind it, at the one where the survey has not put it.
+std::optional<Tested> at_other_place(const Tested& tested) {
+  const LawInFit& law = tested.fit.law;
+  if (!law.law->is_in_blocks || law.step.back() > 0 || law.own() > 0) return std::nullopt;
+  Tested other = tested;
+  const double place = 1 - law.lower.back();
+  other.fit.law.lower.back() = other.fit.law.upper.back() = place;
+  other.fit.law.start.back() = other.fit.parameters.back() = other.fit.shape.back() = place;
+  for (std::vector<double>& start : other.starts) start.back() = place;
+  return other;
+}
+
 /// The valve under an explanation's last law.
 VectorXd valve_under(const Explanation& explanation) {
   return without(explanation, explanation.laws.size() - 1, 0).v;
@@ -125,6 +137,10 @@ void fit_again(std::size_t i, const Explanation& beside, std::span<const JointSt
 }
 
 }  // namespace
+
+bool JointFits::has(std::string_view cause) const {
+  return std::any_of(racing.begin(), racing.end(), [&](const Tested* tested) { return tested->cause() == cause; });
+}
 
 void JointFits::compare(const Explanation& with) {
   if (with.cost >= lowest) return;
@@ -141,13 +157,25 @@ VectorXd at_population_mean(const Explanation& explanation) {
 void fit_jointly(const std::vector<const Tested*>& entering, const Explanation& beside, bool bent, JointFits& joint) {
   std::vector<VectorXd> places;
   if (bent) places = {beside.v, at_population_mean(beside)};
+  const auto fit = [&](const Tested& tested) {
+    Explanation fitted = extend(beside, tested.fit, kJointSteps, joint.lowest - kInTheRace * joint.inflation,
+                                joint_starts(tested, beside, places));
+    if (tested.fit.law.recording) fitted = at_its_instant(std::move(fitted), beside, tested.fit, kJointSteps);
+    joint.compare(fitted);
+    return fitted;
+  };
   for (const Tested* tested : entering) {
     joint.racing.push_back(tested);
-    Explanation fitted = extend(beside, tested->fit, kJointSteps, joint.lowest - kInTheRace * joint.inflation,
-                                joint_starts(*tested, beside, places));
-    if (tested->fit.law.recording) fitted = at_its_instant(std::move(fitted), beside, tested->fit, kJointSteps);
-    joint.compare(fitted);
-    joint.fitted.push_back(std::move(fitted));
+    joint.fitted.push_back(fit(*tested));
+    // The survey has chosen the place by a forecast, and from a bent fit that says little: it stands where the other
+    // place is not surely better.
+    std::optional<Tested> moved = bent ? at_other_place(*tested) : std::nullopt;
+    if (!moved) continue;
+    Explanation fitted = fit(*moved);
+    if (!(fitted.cost < joint.fitted.back().cost - kLeastEvidence)) continue;
+    joint.moved.push_back(std::move(*moved));
+    joint.racing.back() = &joint.moved.back();
+    joint.fitted.back() = std::move(fitted);
   }
 }
 

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <deque>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "core/discrepancy/valve_contest.h"
@@ -15,9 +17,11 @@ struct JointFits {
   double lowest = 0;                   ///< cost of the best of them, or of what they stand beside
   double inflation = 1;                ///< of the noise, by the best of them
   std::vector<std::string> borne_out;  ///< causes that recordings left out of the fit have confirmed
+  std::deque<Tested> moved;            ///< those of `racing` that stand at the other of their law's two places
 
   /// Takes a fit into `lowest` and `inflation`.
   void compare(const Explanation& with);
+  bool has(std::string_view cause) const;
 };
 
 inline constexpr int kJointSteps = 40;

@@ -79,6 +79,14 @@ bool is_cut_off(const LawInFit& law, const std::vector<double>& parameters) {
   return law.law->is_cut_off && law.law->is_cut_off(parameters, law.lower, law.upper);
 }
 
+/// One that acts where the recordings do not show the whole of it may be another law's rival, but wins nothing: any
+/// other variant is better.
+bool is_better_variant(const Tested& a, const Tested& b) {
+  const bool a_cut_off = a.fit.reduction > 0 && is_cut_off(a.fit.law, a.fit.parameters);
+  const bool b_cut_off = b.fit.reduction > 0 && is_cut_off(b.fit.law, b.fit.parameters);
+  return a_cut_off != b_cut_off ? b_cut_off : a.fit.reduction > b.fit.reduction;
+}
+
 /// What compares with good valves: a law of memory may stand in the place of the valve's own loops. Its size is then
 /// that of both beyond a good valve's.
 double with_own(const Mechanism& law, double size, const VectorXd& v, const ValveFitOptions& options) {
@@ -240,15 +248,13 @@ std::vector<const Tested*> in_the_race(const Survey& survey, double least_gain, 
 
 /// What a cause is known to be confused with and what has not been in the race. A forecast is linear: where the fit has
 /// bent towards a fault it may be a hundred times off, and a law that seemed to do nothing does most.
-std::vector<const Tested*> late_entries(const std::string& cause, const Survey& survey,
-                                        const std::vector<const Tested*>& racing) {
+std::vector<const Tested*> late_entries(const std::string& cause, const Survey& survey, const JointFits& joint) {
   const auto confused_with = find_mechanism(cause)->confused_with;
   std::vector<const Tested*> late;
   for (const Tested& tested : survey.tested) {
-    const bool is_known = std::find(racing.begin(), racing.end(), &tested) != racing.end();
     const bool is_rival =
         std::find(confused_with.begin(), confused_with.end(), tested.fit.law.law->cause) != confused_with.end();
-    if (is_rival && !is_known) late.push_back(&tested);
+    if (is_rival && !joint.has(tested.cause())) late.push_back(&tested);
   }
   return late;
 }
@@ -527,7 +533,7 @@ void enter(Contest& contest, const JointFits& joint, const LinearisedValve& line
         ranked_fit(*joint.racing[i], beside, linear.error(), joint.fitted[i], contest, laws, options));
   }
   for (const Tested& tested : contest.survey.tested) {
-    if (std::find(joint.racing.begin(), joint.racing.end(), &tested) != joint.racing.end()) continue;
+    if (joint.has(tested.cause())) continue;
     Ranked r{.cause = tested.cause(), .reduction = tested.fit.verified, .evidence = tested.evidence};
     r.sticks = makes_stick(tested.fit.law, beside);
     r.log_likelihood = rank_of(tested, tested.fit.verified, options.causes, contest.inflation, contest.samples);
@@ -678,7 +684,7 @@ Survey survey_laws(const LinearisedValve& fit, const ValveFitOptions& options) {
     for (const Tested& tested : survey.tested) best = std::max(best, tested.fit.reduction);
     const double worthwhile = std::max(kLeastPromise, kLeastShare * best);
     auto found = search_law(fit, options, variant.law, variant.starts, kSearchSteps, worthwhile);
-    if (!found || (found->reduction > 0 && is_cut_off(found->law, found->parameters))) continue;
+    if (!found) continue;
     Tested tested{.starts = variant.starts,
                   .noise_reduction = noise_reduction(variant, found->freedoms, fit.problem(), fit.samples())};
     tested.fit = std::move(*found);
@@ -686,7 +692,7 @@ Survey survey_laws(const LinearisedValve& fit, const ValveFitOptions& options) {
                                     [&](const Tested& other) { return other.cause() == tested.cause(); });
     if (known == survey.tested.end()) {
       survey.tested.push_back(std::move(tested));
-    } else if (tested.fit.reduction > known->fit.reduction) {
+    } else if (is_better_variant(tested, *known)) {
       *known = std::move(tested);
     }
   }
@@ -714,7 +720,7 @@ Contest hold_contest(const Explanation& beside, const ValveDiagnosisOptions& opt
   if (joint.racing.empty()) return contest;
   if (bent) {
     const std::string leading(joint.racing.front()->cause());
-    fit_jointly(late_entries(leading, contest.survey, joint.racing), beside, bent, joint);
+    fit_jointly(late_entries(leading, contest.survey, joint), beside, bent, joint);
     fit_in_place_of_kin(beside, joint);
     const double left = joint.lowest < beside.cost ? joint.inflation : inflation;
     const Explanation& closest = closest_of(joint, beside);
@@ -727,7 +733,7 @@ Contest hold_contest(const Explanation& beside, const ValveDiagnosisOptions& opt
   enter(contest, joint, linear, beside, options);
   settle_borne_out(contest, joint, beside, laws, options);
   if (!contest.cause.empty()) {
-    const auto late = late_entries(contest.cause, contest.survey, joint.racing);
+    const auto late = late_entries(contest.cause, contest.survey, joint);
     if (!late.empty()) {
       fit_jointly(late, beside, true, joint);
       const bool is_news =

@@ -37,10 +37,13 @@ MechanismBounds bounds(const MechanismScales& scales) {
   return bounds;
 }
 
-/// A flat that the input does not leave on both sides may as well be a stop: a saturation.
+/// A flat that the input does not leave on both sides may as well be a stop: a saturation. It leaves it where it goes
+/// past it by more than its noise.
 bool is_cut_off(std::span<const double> parameters, std::span<const double> lower, std::span<const double> upper) {
+  constexpr double kNoise = 0.01;  // of the range of the input
+  const double past = kNoise * (upper[kCentre] - lower[kCentre]);
   const double centre = parameters[kCentre], half = 0.5 * parameters[kWidth];
-  return centre - half <= lower[kCentre] || centre + half >= upper[kCentre];
+  return centre - half <= lower[kCentre] + past || centre + half >= upper[kCentre] - past;
 }
 
 void apply(std::span<const double> parameters, const LawContext&, std::span<double> x) {

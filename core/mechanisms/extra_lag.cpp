@@ -34,7 +34,7 @@ MechanismBounds bounds(const MechanismScales& scales) {
   const double period = scales.sample_period_s;
   MechanismBounds bounds{
       .lower = {0, 0}, .upper = {scales.longest_s, 1}, .step = {kStep_samples * period, 0}, .starts = {}};
-  for (const double lag_s : spread(0.5 * period, 0.05 * scales.longest_s, 3)) {
+  for (const double lag_s : spread(0.5 * period, 0.05 * scales.longest_s, 6)) {
     for (const double ahead : {0.0, 1.0}) bounds.starts.push_back({lag_s, ahead});
   }
   return bounds;

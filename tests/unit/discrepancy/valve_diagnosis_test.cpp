@@ -7,6 +7,7 @@
 #include <numbers>
 #include <random>
 
+#include "core/discrepancy/joint_fits.h"
 #include "core/discrepancy/own_parameters.h"
 #include "core/discrepancy/valve_contest.h"
 #include "core/mechanisms/mechanism.h"
@@ -357,6 +358,33 @@ TEST(ValveDiagnosis, ALagOfCoilOrSpoolIsNamedAheadOfTheMap) {
   EXPECT_EQ(found.causes.front().cause, "extra_lag");
   EXPECT_NEAR(found.causes.front().parameters.at(0).second.value, 0.03, 0.004);
   EXPECT_EQ(found.causes.front().parameters.at(1).second.value, 1);
+}
+
+TEST(JointFits, PutALagAheadOfTheMapThoughTheSurveyHasItBehind) {
+  const test::MadeValve valve;
+  const auto healthy = test::session(valve, kNoise_psi, 3);
+  const Population population(healthy, valve);
+  for (const double lag_s : {0.012, 0.02, 0.04}) {
+    const MechanismUse lag{.cause = "extra_lag", .parameters = {lag_s, 1}};
+    const auto slow = with_cause(healthy, population.model(valve), lag);
+    const Explanation beside = explain_nothing(slow, population.options, *fit_valve(slow, population.options));
+    const Survey survey = survey_laws(LinearisedValve(*beside.problem, beside.v), *beside.options);
+    const auto surveyed = std::find_if(survey.tested.begin(), survey.tested.end(),
+                                       [](const Tested& tested) { return tested.cause() == "extra_lag"; });
+    ASSERT_NE(surveyed, survey.tested.end());
+    Tested behind = *surveyed;
+    LawFit& fit = behind.fit;
+    fit.law.lower.back() = fit.law.upper.back() = fit.law.start.back() = 0;
+    fit.parameters.back() = fit.shape.back() = 0;
+    for (auto& start : behind.starts) start.back() = 0;
+    JointFits joint{.lowest = beside.cost};
+    fit_jointly({&behind}, beside, true, joint);
+    const std::vector<double> found = joint.fitted.at(0).parameters_of_last();
+    EXPECT_EQ(found.at(1), 1) << lag_s;
+    EXPECT_NEAR(found.at(0), lag_s, 0.1 * lag_s);
+    EXPECT_EQ(joint.racing.at(0)->fit.law.lower.back(), 1) << lag_s;
+    EXPECT_TRUE(joint.has("extra_lag"));
+  }
 }
 
 TEST(ValveDiagnosis, ASpoolThatStopsIsASaturationAndNoDeadBand) {

@@ -55,6 +55,15 @@ TEST(Physics, AModeThatHardlyPeaksIsNoResonance) {
   EXPECT_TRUE(law.is_cut_off(std::vector<double>{79.9, 0.1}, lower, upper));
 }
 
+TEST(Physics, AFlatThatTheInputLeavesByNoMoreThanItsNoiseMayAsWellBeAStop) {
+  const Mechanism& law = *find_mechanism("dead_band");
+  const std::vector<double> lower{1, 0}, upper{2, 0.5};
+  EXPECT_FALSE(law.is_cut_off(std::vector<double>{1.975, 0.028}, lower, upper));
+  EXPECT_TRUE(law.is_cut_off(std::vector<double>{1.975, 0.032}, lower, upper));
+  EXPECT_FALSE(law.is_cut_off(std::vector<double>{1.025, 0.028}, lower, upper));
+  EXPECT_TRUE(law.is_cut_off(std::vector<double>{1.025, 0.032}, lower, upper));
+}
+
 TEST(Physics, APowerThatNoOrificeHasIsAnotherEffects) {
   const Mechanism& law = *find_mechanism("orifice_flow");
   const std::vector<double> lower{-0.5}, upper{0.6};
