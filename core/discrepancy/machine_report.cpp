@@ -426,6 +426,7 @@ bool have_certain_sizes(const std::vector<std::string>& causes, const MachineDat
 }
 
 bool has_effect(const MachineScore& score, const MachineData& data, const MachineGround& ground) {
+  constexpr double kGainChange = 0.02;
   const double input = ground.input_range();
   bool limits = false, active = false;
   for (std::size_t b = 0; b < score.fit.machine.blocks.size(); ++b) {
@@ -469,8 +470,11 @@ bool has_effect(const MachineScore& score, const MachineData& data, const Machin
         if (p[5] < kNothing * std::abs(p[0] + p[1]) * input) return false;
         break;
       case MachineLaw::kWarming:
+        // A gain that rises is none that a coil loses as it warms.
+        if (p[0] > -kGainChange) return false;
+        break;
       case MachineLaw::kGainStep:
-        if (std::abs(p[0]) < 0.02) return false;
+        if (std::abs(p[0]) < kGainChange) return false;
         break;
       case MachineLaw::kTone:
         if (std::hypot(p[0], p[1]) * std::sqrt(0.5) < 0.1 * score.fit.rms()) return false;

@@ -360,6 +360,17 @@ TEST(ValveDiagnosis, ALagOfCoilOrSpoolIsNamedAheadOfTheMap) {
   EXPECT_EQ(found.causes.front().parameters.at(1).second.value, 1);
 }
 
+TEST(ValveDiagnosis, AGainThatRisesFromTheStartOfARecordingOnIsNoCoilThatWarms) {
+  for (const int seed : {3, 4}) {
+    const Discrepancy rising = found_in({.cause = "thermal_drift", .parameters = {0.02, 3, 0}}, seed);
+    EXPECT_NE(rising.conclusion, Conclusion::kNamed) << seed;
+    for (const NamedCause& cause : rising.causes) EXPECT_LT(cause.probability, 0.95) << cause.cause;
+    const Discrepancy falling = found_in({.cause = "thermal_drift", .parameters = {-0.02, 3, 0}}, seed);
+    ASSERT_EQ(falling.causes.size(), 1u) << seed;
+    EXPECT_EQ(falling.causes.front().cause, "thermal_drift") << seed;
+  }
+}
+
 TEST(JointFits, PutALagAheadOfTheMapThoughTheSurveyHasItBehind) {
   const test::MadeValve valve;
   const auto healthy = test::session(valve, kNoise_psi, 3);
