@@ -588,10 +588,15 @@ bool is_bent(double inflation, const LinearisedValve& linear, const Explanation&
          hides_a_fault(inflation, linear, options);
 }
 
-/// Whether the best joint fit is of a law of memory. What is left by one says nothing of another: the valley of
-/// friction is narrow, and play or a loop that stands in for it leaves little.
-bool is_led_by_memory(const Explanation& closest, const Explanation& beside) {
-  return &closest != &beside && closest.laws.back().law.law->family == "memory";
+/// Whether the best joint fit is of a law of memory, or of one that is confused with such: a long lag ahead of the map
+/// stands in for what holds the spool back. What is left by one says nothing of another: the valley of friction is
+/// narrow, and what stands in for it leaves little.
+bool may_be_memory(const Explanation& closest, const Explanation& beside) {
+  if (&closest == &beside) return false;
+  const Mechanism& law = *closest.laws.back().law.law;
+  return law.family == "memory" ||
+         std::any_of(law.confused_with.begin(), law.confused_with.end(),
+                     [](std::string_view cause) { return find_mechanism(cause)->family == "memory"; });
 }
 
 /// The survey from where the fit stands and, where that has bent, from where a good valve stands as well.
@@ -724,7 +729,7 @@ Contest hold_contest(const Explanation& beside, const ValveDiagnosisOptions& opt
     fit_in_place_of_kin(beside, joint);
     const double left = joint.lowest < beside.cost ? joint.inflation : inflation;
     const Explanation& closest = closest_of(joint, beside);
-    if (is_led_by_memory(closest, beside) || hides_a_fault(left, closest, options)) {
+    if (may_be_memory(closest, beside) || hides_a_fault(left, closest, options)) {
       fit_from_slips(contest.survey, beside, joint);
       fit_in_place_of_kin(beside, joint);
     }
