@@ -21,4 +21,12 @@ std::optional<JointStart> change_of_gain(const Explanation& beside, const LawInF
 /// runs the cost has a valley beside every sample or two. `fitted` is `beside` with the law.
 Explanation at_its_instant(Explanation fitted, const Explanation& beside, const LawFit& law, int most_iterations);
 
+/// Whether a law at an instant may act from a move of the input on, as far as the data tell, though its recording rests
+/// most of the time. A loose contact knows nothing of the input; a memory changes its state where that moves alone.
+///
+/// law        of the explanation, in one recording
+/// inflation  of the noise (`noise_inflation`)
+/// Cost       one simulation of the valve for each move of the recording
+bool may_begin_with_input(const Explanation& explanation, std::size_t law, double inflation);
+
 }  // namespace valvetriage

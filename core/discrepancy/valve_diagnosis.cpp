@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "core/discrepancy/input_lines.h"
+#include "core/discrepancy/instants.h"
 #include "core/discrepancy/joint_fits.h"
 #include "core/discrepancy/leftover.h"
 #include "core/discrepancy/valve_conclusion.h"
@@ -52,7 +53,7 @@ class Diagnosis {
                      fmt::format("comparing {} with their rivals", causes_in(explanation)));
         reconsider(explanation);
       }
-      while (explanation.laws.size() > 1 && drop_one_without_size(explanation)) {
+      while (explanation.laws.size() > 1 && (drop_one_without_size(explanation) || drop_one_of_memory(explanation))) {
       }
       if (explanation.laws.size() == 1) compare_alone(explanation);
       std::erase_if(unseen_, [&](const UnseenCause& unseen) { return has_family_of(explanation, unseen.cause); });
@@ -157,12 +158,31 @@ class Diagnosis {
       const double from_none =
           explanation.problem->law_parameters(explanation.v, l, 0)[law.size_parameter] - law.neutral;
       if (std::abs(from_none) >= kTwoSided95 * errors[size]) continue;
-      explanation = without(explanation, l, kRefitSteps);
-      places_.erase(places_.begin() + static_cast<std::ptrdiff_t>(l));
-      if (explanation.laws.size() == 1) places_.front() = first_place(explanation);
+      drop(explanation, l);
       return true;
     }
     return false;
+  }
+
+  /// A change of gain that may begin with one of few moves of the input, beside a memory, stands for what is still
+  /// wrong with that memory.
+  bool drop_one_of_memory(Explanation& explanation) {
+    const auto is_memory = [](const LawFit& fit) { return fit.law.law->family == "memory"; };
+    if (std::none_of(explanation.laws.begin(), explanation.laws.end(), is_memory)) return false;
+    const double inflation = noise_inflation(whitened_residual(explanation));
+    for (std::size_t l = 0; l < explanation.laws.size(); ++l) {
+      const bool is_instant = explanation.laws[l].law.law->cause == "intermittent";
+      if (!is_instant || !may_begin_with_input(explanation, l, inflation)) continue;
+      drop(explanation, l);
+      return true;
+    }
+    return false;
+  }
+
+  void drop(Explanation& explanation, std::size_t law) {
+    explanation = without(explanation, law, kRefitSteps);
+    places_.erase(places_.begin() + static_cast<std::ptrdiff_t>(law));
+    if (explanation.laws.size() == 1) places_.front() = first_place(explanation);
   }
 
   /// The one that is left of several is not the one that won alone: the two are compared as they fit now.

@@ -7,8 +7,10 @@
 #include <numbers>
 #include <random>
 
+#include "core/discrepancy/instants.h"
 #include "core/discrepancy/joint_fits.h"
 #include "core/discrepancy/own_parameters.h"
+#include "core/discrepancy/valve_catalogue.h"
 #include "core/discrepancy/valve_contest.h"
 #include "core/mechanisms/mechanism.h"
 #include "core/mechanisms/simulate_extended.h"
@@ -436,6 +438,31 @@ TEST(ValveDiagnosis, AnIntervalOfAnInstantReachesAsFarAsTheDataAllow) {
     EXPECT_TRUE(holds(parameters.at(0).second, instant_s)) << instant_s << " but " << parameters.at(0).second.value;
     EXPECT_TRUE(holds(parameters.at(1).second, -0.05)) << instant_s << " but " << parameters.at(1).second.value;
   }
+}
+
+TEST(Instants, MayBeginWithTheInputWhereTheDataDoNotTellThemFromAMove) {
+  const test::MadeValve valve;
+  const auto healthy = test::session(valve, kNoise_psi, 7);
+  const Population population(healthy, valve);
+  // The second recording steps at 1 s and back at 4 s, the fourth moves throughout.
+  const auto may_begin = [&](std::size_t recording, double instant_s, double change) {
+    const std::vector<double> parameters{instant_s, change, static_cast<double>(recording)};
+    const auto spoiled =
+        with_cause(healthy, population.model(valve),
+                   {.cause = "intermittent", .parameters = parameters, .channel = healthy[recording].name});
+    const Explanation beside = explain_nothing(spoiled, population.options, *fit_valve(spoiled, population.options));
+    const auto catalogue = valve_catalogue(LinearisedValve(*beside.problem, beside.v), population.options);
+    const auto variant = std::find_if(catalogue.variants.begin(), catalogue.variants.end(), [&](const LawVariant& v) {
+      return v.law.law->cause == "intermittent" && v.law.recording == recording;
+    });
+    const LawFit law{.law = variant->law, .parameters = parameters, .baseline = beside.v};
+    return may_begin_with_input(extend(beside, law, 10, INFINITY), 0, 1);
+  };
+  EXPECT_TRUE(may_begin(1, 1.02, -0.05)) << "while the valve answers a step";
+  EXPECT_FALSE(may_begin(1, 2.5, -0.05)) << "in a hold";
+  EXPECT_FALSE(may_begin(1, 3.96, -0.05)) << "clearly ahead of a step";
+  EXPECT_TRUE(may_begin(1, 3.96, -0.002)) << "as far as the noise tells, with the step";
+  EXPECT_FALSE(may_begin(3, 5, -0.05)) << "where the input always moves";
 }
 
 TEST(ValveDiagnosis, ASizeIsWhatGoodValvesDoNotHave) {
