@@ -20,6 +20,8 @@ constexpr double kOverNextFamily = 1.2;
 constexpr double kOverSameFamily = 1.08;
 constexpr double kOverSingle = 1.15;
 constexpr double kRemovedBySecond = 0.3;  // of what the single leaves above the floor, in squares
+// Of what a law explains: no second cause (lesson of the valve's laws).
+constexpr double kLeftOfLaw = 0.05, kLeftOfMemory = 0.15;
 constexpr double kPooledGain = 1.5;
 constexpr double kOverLinearWhitened = 1.1;  // of what a linear machine with more freedom gains at most in slow noise
 constexpr double kAddedShare = 0.1;          // of the squared error that a second cause takes away
@@ -96,10 +98,27 @@ bool wins_where_it_acts(const MachineScore& pair, const MachineScore& single) {
   return taken - added > (1 - 1 / (kPooledGain * kPooledGain)) * before && added < kAddedShare * taken;
 }
 
+double sum_of_squares(const MachineScore& score) {
+  double sum = 0;
+  for (std::size_t i = 0; i < score.log_rms.size(); ++i) sum += squares_of(score, i);
+  return sum;
+}
+
+/// Whether a second law removes more than the first may leave of its own effect: that is an idealisation, and what
+/// remembers is run from sample to sample.
+bool removes_more_than_a_law_leaves(const MachineScore& pair, const MachineScore& single, const MachineScore& linear) {
+  const bool remembers = std::any_of(single.causes.begin(), single.causes.end(),
+                                     [](const std::string& cause) { return family_of(cause) == "memory"; });
+  const double share = remembers ? kLeftOfMemory : kLeftOfLaw;
+  const double explained = sum_of_squares(linear) - sum_of_squares(single);
+  return sum_of_squares(single) - sum_of_squares(pair) > share * share * explained;
+}
+
 /// Whether a pair earns its second cause beside the best single. Where the single leaves no more than the noise, there
-/// is nothing to earn.
-bool pays(const MachineScore& pair, const MachineScore& single, double floor) {
+/// is nothing to earn; where it leaves no more of what it explains than a law may, neither.
+bool pays(const MachineScore& pair, const MachineScore& single, const MachineScore& linear, double floor) {
   if (single.rms() <= floor) return false;
+  if (!removes_more_than_a_law_leaves(pair, single, linear)) return false;
   const double left = std::max(std::exp(2 * single.mean) - floor * floor, 1e-18);
   const double removed = std::exp(2 * single.mean) - std::exp(2 * pair.mean);
   const bool most_blocks =
@@ -137,7 +156,7 @@ const MachineScore* best_of(const MachineSearch& search, const MachineData& data
     best = &score;
   }
   if (!pair || !single) return pair ? pair : (single ? single : any);
-  return pays(*pair, *single, floor) ? pair : single;
+  return pays(*pair, *single, search.linear, floor) ? pair : single;
 }
 
 /// A law of the restoring force beats the linear machine without the effect that its name says: a spring that gives

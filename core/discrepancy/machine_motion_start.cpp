@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "core/discrepancy/machine_trials.h"
+#include "core/model/machine.h"
 
 namespace valvetriage {
 namespace {
@@ -35,13 +36,21 @@ double largest(const std::vector<double>& x) {
   return most;
 }
 
+/// h of a loop along the way of its output, from none on.
+std::vector<double> loop_along(const std::vector<double>& y, const LoopShape& shape) {
+  std::vector<double> h(y.size());
+  for (std::size_t t = 1; t < y.size(); ++t) h[t] = loop_after(h[t - 1], y[t] - y[t - 1], shape.beta, shape.delta);
+  return h;
+}
+
 }  // namespace
 
 std::optional<MotionEquation> motion_equation(const MachineData& data, const MotionTerms& terms, double lag_samples) {
-  std::vector<bool> used{true, true, true, terms.stiffness, terms.coulomb, terms.cubic};
+  std::vector<bool> used{true, true, true, terms.stiffness, terms.coulomb, terms.cubic, terms.loop.has_value()};
   const auto columns = std::count(used.begin(), used.end(), true);
   MatrixXd square = MatrixXd::Zero(columns, columns);
   VectorXd right = VectorXd::Zero(columns);
+  double squares = 0;
   for (const MachineRecord& record : data.records) {
     const auto margin = static_cast<std::size_t>(4 * lag_samples) + 2;
     if (record.input.size() < 4 * margin) continue;
@@ -54,8 +63,10 @@ std::optional<MotionEquation> motion_equation(const MachineData& data, const Mot
     for (double& v : drag) v = std::tanh(v / std::max(slow, 1e-300));
     for (double& z : cube) z = z * z * z;
     drag = smoothed(smoothed(std::move(drag), lag_samples), lag_samples);
+    const std::vector<double> loop =
+        terms.loop ? smoothed(smoothed(loop_along(y, *terms.loop), lag_samples), lag_samples) : y;
     for (std::size_t t = margin; t + margin < u.size(); ++t) {
-      const double all[] = {u[t], -speed[t], 1, -y[t], -drag[t], -cube[t]};
+      const double all[] = {u[t], -speed[t], 1, -y[t], -drag[t], -cube[t], -loop[t]};
       VectorXd row(columns);
       Index at = 0;
       for (std::size_t c = 0; c < used.size(); ++c) {
@@ -63,6 +74,7 @@ std::optional<MotionEquation> motion_equation(const MachineData& data, const Mot
       }
       square += row * row.transpose();
       right += acceleration[t] * row;
+      squares += acceleration[t] * acceleration[t];
     }
   }
   const VectorXd scale = square.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
@@ -74,6 +86,8 @@ std::optional<MotionEquation> motion_equation(const MachineData& data, const Mot
   if (terms.stiffness) equation.stiffness = solved[at++];
   if (terms.coulomb) equation.coulomb = solved[at++];
   if (terms.cubic) equation.cubic = solved[at++];
+  if (terms.loop) equation.loop = solved[at++];
+  equation.squares = std::max(0.0, squares - solved.dot(right));
   return equation;
 }
 

@@ -152,8 +152,7 @@ MajorLoop major_loop(const MachineBlock& block, double output_range) {
   double h = 0, up = 0, down = 0, low = INFINITY, high = -INFINITY;
   for (int i = 0; i < 4 * kPoints; ++i) {
     const int phase = i % (2 * kPoints);
-    const double dy = phase < kPoints ? step : -step;
-    h = (h + dy) / std::max(1 + beta * step + delta * dy * (h + dy < 0 ? -1.0 : 1.0), 1e-3);
+    h = loop_after(h, phase < kPoints ? step : -step, beta, delta);
     if (phase == kPoints / 2) up = h;
     if (phase == kPoints + kPoints / 2) down = h;
     if (i < 2 * kPoints) continue;

@@ -18,6 +18,7 @@ constexpr int kFirstIterations = 2;
 constexpr int kScreenIterations = 5;
 constexpr int kMiddleIterations = 12;
 constexpr int kFinalIterations = 40;
+constexpr int kLastIterations = 300;  // of those that lead, where the valley is long and narrow
 constexpr int kFoldIterations = 8;
 constexpr int kStartIterations = 8;
 constexpr std::size_t kFinalists = 9;  // explanations that are held out
@@ -28,9 +29,10 @@ constexpr double kPairBaseGain = 1.08;    // a single that gains less is no base
 constexpr double kPairScreenGain = 0.97;  // a pair that fits no better than its base is not held out
 constexpr double kRinging = 1.5;          // times the least damping that a record can tell
 constexpr int kDelayTries = 6;
-constexpr double kWorthADelay = 1e-3;    // of the squared error
-constexpr double kWorthAnOrder = 0.005;  // of the held-out error
-constexpr double kRounding = 1e-9;       // of the output's deviation: what an exact model leaves
+constexpr double kWorthADelay = 1e-3;     // of the squared error
+constexpr double kWorthFinishing = 1e-3;  // of the squared error
+constexpr double kWorthAnOrder = 0.005;   // of the held-out error
+constexpr double kRounding = 1e-9;        // of the output's deviation: what an exact model leaves
 
 /// Refines every fit so far and keeps the best of them.
 void narrow(const MachineData& data, int iterations, std::size_t kept, std::vector<MachineFit>& fits,
@@ -102,6 +104,17 @@ void settle_delay(const MachineData& data, int least, MachineFit& fit, MachineBu
   }
 }
 
+/// Those that a second cause is added to are fitted to the end first: what a fit still leaves on its way another law
+/// would be credited with.
+void finish_leaders(const MachineData& data, std::vector<MachineScore>& scores, MachineBudget& budget) {
+  for (std::size_t i = 0; i < std::min(scores.size(), kPairBases) && scores[i].held_out && !budget.spent(); ++i) {
+    const double before = scores[i].fit.squares;
+    refine_machine(data, data.all_rows(), kLastIterations, scores[i].fit, budget);
+    if (scores[i].fit.squares < before * (1 - kWorthFinishing)) hold_out(data, scores[i], budget);
+  }
+  sort_by_score(scores);
+}
+
 /// The best place of each cause goes first; finalists are refined to the end and held out.
 void judge_finalists(const MachineData& data, int least_delay, std::vector<MachineScore>& scores,
                      MachineBudget& budget) {
@@ -116,6 +129,7 @@ void judge_finalists(const MachineData& data, int least_delay, std::vector<Machi
     ++judged;
   }
   sort_by_score(scores);
+  finish_leaders(data, scores, budget);
 }
 
 bool same_family(const MachineScore& base, const std::string& cause) {

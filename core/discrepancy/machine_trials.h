@@ -71,14 +71,19 @@ MachineFit with_law(const MachineFit& fit, const SignalLaw& law, const SignalLaw
 /// blocks, laws inside a motion, tanks.
 std::vector<MachineTrial> single_trials(const MachineData& data, const MachineGround& ground);
 
-/// ÿ = gain u + bias − damping ẏ − stiffness y − coulomb sign(ẏ) − cubic y³, or the same of the speed alone, in scaled
-/// units and seconds.
+/// ÿ = gain u + bias − damping ẏ − stiffness y − coulomb sign(ẏ) − cubic y³ − loop h(y), or the same of the speed
+/// alone, in scaled units and seconds.
 struct MotionEquation {
-  double gain = 0, damping = 0, bias = 0, stiffness = 0, coulomb = 0, cubic = 0;
+  double gain = 0, damping = 0, bias = 0, stiffness = 0, coulomb = 0, cubic = 0, loop = 0;
+  double squares = 0;  ///< of what is left of ÿ
+};
+struct LoopShape {
+  double beta = 0, delta = 0;
 };
 struct MotionTerms {
   bool stiffness = true, coulomb = false, cubic = false;
   bool shows_speed = false;
+  std::optional<LoopShape> loop;  ///< h of MachineLaw::kRestoringLoop
 };
 
 /// The equation of a motion by least squares on smoothed derivatives: biased by noise, but where a free-run fit should

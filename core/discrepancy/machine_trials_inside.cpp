@@ -137,6 +137,11 @@ MachineFit spring(const LinearMachine& linear, double cubic) {
   return fit;
 }
 
+void add_free_loop(MachineFit& fit) {
+  fit.free.push_back(parameter(0, 0, 1e-3, 1e3, true));
+  fit.free.push_back(parameter(0, 1, -1e3, 1e3));
+}
+
 MachineFit restoring_loop(const LinearMachine& linear, double share, double beta) {
   MachineFit fit = linear.fit;
   MachineBlock& block = fit.machine.blocks[0];
@@ -147,8 +152,7 @@ MachineFit restoring_loop(const LinearMachine& linear, double share, double beta
   for (double& c : block.numerator) c *= 1 + share;
   const auto fixed = fit.free;
   fit.free = free_dynamics(block, 0);
-  fit.free.push_back(parameter(0, 0, 1e-3, 1e3, true));
-  fit.free.push_back(parameter(0, 1, -1e3, 1e3));
+  add_free_loop(fit);
   for (const FreeParameter& p : fixed) {
     if (p.block == 1) fit.free.push_back(p);
   }
@@ -213,31 +217,63 @@ std::vector<MachineFit> frictions_by_equation(const MachineData& data, const Mac
   return starts;
 }
 
+/// A motion with a law of its output fed back, by its equation: the poles are those without what is fed back.
+MachineFit fed_back_by_equation(const MachineData& data, const MachineGround& g, const MotionEquation& equation,
+                                MachineLaw law, std::vector<double> parameters, double fed_back) {
+  const double period = data.period_s;
+  const double damping = std::max(equation.damping, 1e-3 / g.longest_s);
+  const std::complex<double> root = std::sqrt(std::complex<double>(damping * damping / 4 - equation.stiffness));
+  const std::vector<std::complex<double>> poles{std::exp(-period * (damping / 2 + root)),
+                                                std::exp(-period * (damping / 2 - root))};
+  MachineBlock block = block_of(law, std::move(parameters));
+  block.sections = sections_from_poles(poles, SectionLimits(1'000'000'000));
+  block.delay_samples = g.dead_samples;
+  block.numerator = {equation.gain / equation.stiffness, 0, 0};
+  block.feedback = {-fed_back / equation.stiffness, 0};
+  MachineFit fit;
+  fit.machine.sample_period_s = period;
+  fit.machine.blocks = {block, block_of(MachineLaw::kAffine, {1, equation.bias / equation.stiffness})};
+  fit.free = free_dynamics(block, 0);
+  return fit;
+}
+
 /// A hardening spring by its equation of motion: the poles are those of small movements.
 std::vector<MachineFit> springs_by_equation(const MachineData& data, const MachineGround& g) {
   std::vector<MachineFit> starts;
-  const double period = data.period_s;
   for (const double lag_samples : {0.5, 1.0, 3.0}) {
     const auto equation = motion_equation(data, {.stiffness = true, .cubic = true}, lag_samples);
     if (!equation || equation->stiffness <= 0) continue;
-    const double damping = std::max(equation->damping, 1e-3 / g.longest_s);
-    const std::complex<double> root = std::sqrt(std::complex<double>(damping * damping / 4 - equation->stiffness));
-    const std::vector<std::complex<double>> poles{std::exp(-period * (damping / 2 + root)),
-                                                  std::exp(-period * (damping / 2 - root))};
-    MachineBlock block;
-    block.law = MachineLaw::kSpring;
-    block.sections = sections_from_poles(poles, SectionLimits(1'000'000'000));
-    block.delay_samples = g.dead_samples;
-    block.numerator = {equation->gain / equation->stiffness, 0, 0};
-    block.feedback = {-equation->cubic / equation->stiffness, 0};
-    const double offset = equation->bias / equation->stiffness;
-    block.parameters = {-offset};
-    MachineFit fit;
-    fit.machine.sample_period_s = period;
-    fit.machine.blocks = {block, block_of(MachineLaw::kAffine, {1, offset})};
-    fit.free = free_dynamics(block, 0);
-    fit.free.push_back(parameter(1, 1, -1e3, 1e3));
-    starts.push_back(std::move(fit));
+    const double centre = -equation->bias / equation->stiffness;
+    starts.push_back(fed_back_by_equation(data, g, *equation, MachineLaw::kSpring, {centre}, equation->cubic));
+    starts.back().free.push_back(parameter(1, 1, -1e3, 1e3));
+  }
+  return starts;
+}
+
+/// Loops in the restoring force by their equations of motion: of a grid of shapes those that leave least. From a linear
+/// machine the way to them is a long valley, in which a loop of any shape is soon as good as it gets.
+std::vector<MachineFit> loops_by_equation(const MachineData& data, const MachineGround& g) {
+  constexpr std::size_t kKept = 3;
+  std::vector<MachineFit> starts;
+  for (const double lag_samples : {0.5, 1.0, 3.0}) {
+    std::vector<std::pair<MotionEquation, LoopShape>> found;
+    for (const double bend : {0.5, 1.0, 2.0, 5.0, 12.0}) {  // of the output's range: beta y
+      for (const double share : {-1.4, -0.7, 0.0, 0.7, 1.4}) {
+        const double beta = bend / g.output_range();
+        const LoopShape shape{beta, share * beta};
+        const auto equation = motion_equation(data, {.stiffness = true, .loop = shape}, lag_samples);
+        if (equation && equation->stiffness > 0 && equation->loop > 0) found.emplace_back(*equation, shape);
+      }
+    }
+    std::stable_sort(found.begin(), found.end(),
+                     [](const auto& a, const auto& b) { return a.first.squares < b.first.squares; });
+    if (found.size() > kKept) found.resize(kKept);
+    for (const auto& [equation, shape] : found) {
+      starts.push_back(fed_back_by_equation(data, g, equation, MachineLaw::kRestoringLoop, {shape.beta, shape.delta},
+                                            equation.loop));
+      add_free_loop(starts.back());
+      starts.back().free.push_back(parameter(1, 1, -1e3, 1e3));
+    }
   }
   return starts;
 }
@@ -298,6 +334,9 @@ std::vector<MachineTrial> motion_trials(const MachineData& data, const MachineGr
     if (linear.order < 1 || linear.order > 3) continue;
     if (linear.order >= 2) {
       loops.push_back({{"hysteresis"}, "in the restoring force", {}});
+      if (linear.order == 2) {
+        for (MachineFit& fit : loops_by_equation(data, g)) add_with_delays(g, std::move(fit), loops.back().starts);
+      }
       for (const double cubic : {0.005, 0.05, 0.2}) stiffening.starts.push_back(spring(linear, cubic));
       for (const double share : {0.1, 0.5}) {
         for (const double beta : {0.3, 2.0}) loops.back().starts.push_back(restoring_loop(linear, share, beta));

@@ -17,6 +17,7 @@ using Out = std::span<double>;
 constexpr double kLeaves = Machine::kLeaves;
 constexpr int kLoopPlays = Machine::kLoopPlays;
 constexpr int kSubSteps = Machine::kSubSteps;
+constexpr double kStraight = Machine::kStraight;
 constexpr std::size_t kSettleEvery = Machine::kSettleEvery;
 
 /// A cascade of sections at work, its basis signals from the last section to the first.
@@ -119,6 +120,18 @@ void run_spring(const MachineBlock& block, In start, In in, Out out) {
   }
 }
 
+/// h after dh/dx = 1 − rate h over a length of x.
+double grown(double h, double rate, double length) {
+  const double bent = rate * length;
+  return h * std::exp(-bent) + (std::abs(bent) < kStraight ? length : -std::expm1(-bent) / rate);
+}
+
+/// Where a parabola through three values turns between the last two; the earlier of these where it does not.
+double turning_point(double long_before, double before, double now) {
+  const double rise = 0.5 * (now - long_before), bend = now - 2 * before + long_before, at = -rise / bend;
+  return at > 0 && at < 1 ? before + 0.5 * rise * at : before;
+}
+
 void run_restoring_loop(const MachineBlock& block, In start, In in, Out out) {
   const double beta = block.parameters[0], delta = block.parameters[1];
   const auto states = static_cast<std::size_t>(order_of(block.sections));
@@ -127,12 +140,13 @@ void run_restoring_loop(const MachineBlock& block, In start, In in, Out out) {
   Cascade feedback(block.sections, h, {});
   const std::vector<double> copy(in.begin(), in.end());
   double y = gain_at_rest(block.sections, block.numerator) * in[0] + gain_at_rest(block.sections, block.feedback) * h;
-  double before = y;
+  double before = y, long_before = y;
   for (std::size_t t = 0; t < in.size(); ++t) {
-    const double dy = t > 0 ? y - before : 0;
+    const double turn = turning_point(long_before, before, y);
+    h = loop_after(h, turn - before, beta, delta);
+    h = loop_after(h, y - turn, beta, delta);
+    long_before = before;
     before = y;
-    // Implicit in h, so that a large increment ends on the loop's branch and not beyond it.
-    h = (h + dy) / (1 + beta * std::abs(dy) + delta * dy * (h + dy < 0 ? -1.0 : 1.0));
     forward.step(delayed(copy, t, block.delay_samples));
     feedback.step(h);
     y = forward.output(block.numerator) + feedback.output(block.feedback);
@@ -141,6 +155,7 @@ void run_restoring_loop(const MachineBlock& block, In start, In in, Out out) {
       return;
     }
     out[t] = y;
+    if (t == 0) before = long_before = y;
   }
 }
 
@@ -382,6 +397,19 @@ void run_block(const MachineBlock& block, double period_s, const MachineSurround
     case MachineLaw::kSide:
       return run_side(block, around, in, out);
   }
+}
+
+double loop_after(double h, double move, double beta, double delta) {
+  const double to = move < 0 ? -1 : 1;
+  double left = std::abs(move), along = to * h;  // seen in the direction of the move
+  if (along < 0) {
+    const double rate = beta - delta;
+    const double to_none = std::abs(rate * along) < kStraight ? -along : std::log1p(-rate * along) / rate;
+    if (!(to_none < left)) return to * grown(along, rate, left);
+    left -= to_none;
+    along = 0;
+  }
+  return to * grown(along, beta + delta, left);
 }
 
 Eigen::MatrixXd linear_basis(const MachineBlock& block, In start, In in) {

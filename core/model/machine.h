@@ -82,6 +82,7 @@ struct MachineBlock {
 /// A machine as a chain of blocks, from the input to the reading, on a sample period of its own.
 struct Machine {
   static constexpr double kLeaves = 1e9;           ///< a run that gets here has left every machine's range
+  static constexpr double kStraight = 1e-8;        ///< an exponent of kRestoringLoop at which nothing bends
   static constexpr int kLoopPlays = 8;             ///< of kLoop
   static constexpr int kSubSteps = 4;              ///< of kMotion and kTanks, per sample
   static constexpr std::size_t kSettleEvery = 64;  ///< samples from one SectionState::settle of kLinear to the next
@@ -107,6 +108,10 @@ std::size_t start_size(const Machine& machine);
 /// out may be `in`. A run that leaves |10⁹| ends in NaN.
 void run_block(const MachineBlock& block, double sample_period_s, const MachineSurroundings& around,
                std::span<const double> start, std::span<const double> in, std::span<double> out);
+
+/// h of kRestoringLoop after its output has moved straight on by `move`: exact, for between the signs of the move and
+/// of h its equation is linear.
+double loop_after(double h, double move, double beta, double delta);
 
 /// The basis signals whose weighted sum a linear block's output is: n × numerator.size().
 Eigen::MatrixXd linear_basis(const MachineBlock& block, std::span<const double> start, std::span<const double> in);

@@ -82,20 +82,24 @@ constexpr std::array<LawText, kMachineLaws> kLawTexts{{
      "      cascade_output({sections}, back_rows{n}, m->back{n});\n"
      "  m->y{n} = x = in_range(m->y{n}, x);"},
     {MachineLaw::kRestoringLoop, "y = G x + H h, dh/dt = dy/dt - beta |dy/dt| h - delta dy/dt |h|",
-     "cascade_state forward{n}[{states}], back{n}[{states}];\n  double y{n}, before{n}, h{n};",
+     "cascade_state forward{n}[{states}], back{n}[{states}];\n  double y{n}, before{n}, long_before{n}, h{n};",
      "cascade_begin({sections}, m->forward{n}, x);\n"
      "    cascade_begin({sections}, m->back{n}, 0);\n"
-     "    m->y{n} = m->before{n} = cascade_output({sections}, forward_rows{n}, m->forward{n}) + {direct} * x;\n"
+     "    m->y{n} = cascade_output({sections}, forward_rows{n}, m->forward{n}) + {direct} * x;\n"
+     "    m->before{n} = m->long_before{n} = m->y{n};\n"
      "    m->h{n} = 0;",
      "{\n"
-     "    const double dy = m->y{n} - m->before{n}, grown = m->h{n} + dy;\n"
+     "    const double turn = turning_point(m->long_before{n}, m->before{n}, m->y{n});\n"
+     "    m->h{n} = loop_after(m->h{n}, turn - m->before{n}, {beta}, {delta});\n"
+     "    m->h{n} = loop_after(m->h{n}, m->y{n} - turn, {beta}, {delta});\n"
+     "    m->long_before{n} = m->before{n};\n"
      "    m->before{n} = m->y{n};\n"
-     "    m->h{n} = grown / (1 + {beta} * fabs(dy) + {delta} * dy * (grown < 0 ? -1 : 1));\n"
      "    cascade_step({sections}, forward_rows{n}, m->forward{n}, x);\n"
      "    cascade_step({sections}, back_rows{n}, m->back{n}, m->h{n});\n"
      "    x = cascade_output({sections}, forward_rows{n}, m->forward{n}) + {direct} * x +\n"
      "        cascade_output({sections}, back_rows{n}, m->back{n});\n"
      "    m->y{n} = x = in_range(m->y{n}, x);\n"
+     "    if (m->samples == 0) m->before{n} = m->long_before{n} = x;\n"
      "  }"},
     {MachineLaw::kMotion, "a mass on a spring with friction", "double x{n}, v{n}, before{n};",
      "m->x{n} = {stiffness} > 0 ? (({gain} + {gain_before}) * x + {bias}) / {stiffness} : 0;\n"
@@ -228,6 +232,34 @@ static double spring_at_rest(double linear, double curved, double centre) {
     y -= (y - linear - curved * cube(z)) / slope;
   }
   return isfinite(y) ? y : linear;
+}
+)c"},
+    {"turning_point", R"c(
+/* Where a parabola through three values turns between the last two; the earlier of these where it does not. */
+static double turning_point(double long_before, double before, double now) {
+  const double rise = 0.5 * (now - long_before), bend = now - 2 * before + long_before, at = -rise / bend;
+  return at > 0 && at < 1 ? before + 0.5 * rise * at : before;
+}
+)c"},
+    {"loop_grown", R"c(
+/* h after dh/dx = 1 - rate h over a length of x. */
+static double loop_grown(double h, double rate, double length) {
+  const double bent = rate * length;
+  return h * exp(-bent) + (fabs(bent) < STRAIGHT ? length : -expm1(-bent) / rate);
+}
+)c"},
+    {"loop_after", R"c(
+/* h after a straight move of y: between the signs of the move and of h its equation is linear. */
+static double loop_after(double h, double move, double beta, double delta) {
+  const double to = move < 0 ? -1 : 1, rate = beta - delta;
+  double left = fabs(move), along = to * h;
+  if (along < 0) {
+    const double to_none = fabs(rate * along) < STRAIGHT ? -along : log1p(-rate * along) / rate;
+    if (!(to_none < left)) return to * loop_grown(along, rate, left);
+    left -= to_none;
+    along = 0;
+  }
+  return to * loop_grown(along, beta + delta, left);
 }
 )c"},
     {"soft_minimum", R"c(
@@ -391,6 +423,7 @@ std::string definitions_of(const Machine& machine, std::string_view code) {
       std::pair{"TWO_PI", c_define("TWO_PI", 2 * std::numbers::pi)},
       std::pair{"LEAVES", c_define("LEAVES", Machine::kLeaves)},
       std::pair{"SETTLED", c_define("SETTLED", SectionState::kSettled)},
+      std::pair{"STRAIGHT", c_define("STRAIGHT", Machine::kStraight)},
       std::pair{"SETTLE_EVERY", c_count("SETTLE_EVERY", Machine::kSettleEvery)},
       std::pair{"LOOP_PLAYS", c_count("LOOP_PLAYS", Machine::kLoopPlays)},
       std::pair{"SUB_STEPS", c_count("SUB_STEPS", Machine::kSubSteps)},

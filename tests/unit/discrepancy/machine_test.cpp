@@ -227,6 +227,25 @@ TEST(Machine, ASpringThatGivesWayOnceEverySampleIsSeenIsNotCalledStiffening) {
   }
 }
 
+TEST(Machine, ALoopInTheRestoringForceIsNamedAndNothingBesideIt) {
+  constexpr double kRate_hz = 750;
+  constexpr std::size_t kPeriod = 4096;
+  constexpr double kSensor = 8e-6;  // of a millimetre
+  // The second of two periods, up to four times the mode.
+  Signal u = multisine(kPeriod, 240, 21);
+  for (double& force : u) force *= 50;
+  u.insert(u.end(), u.begin(), u.end());
+  const Signal y = mass_on_a_loop(u, 5e4, 1 / kRate_hz);
+  const auto later = [](const Signal& x) { return Signal(x.begin() + kPeriod, x.end()); };
+  const auto diagnosis = diagnosis_of(recording(later(u), later(y), 1 / kRate_hz, kSensor, 22));
+  const Discrepancy& d = diagnosis.discrepancy;
+  ASSERT_EQ(d.causes.size(), 1U);
+  EXPECT_EQ(d.causes[0].cause, "hysteresis");
+  EXPECT_EQ(d.conclusion, Conclusion::kNamed);
+  EXPECT_LT(d.gain.rmse_extended, 1.3 * kSensor);
+  EXPECT_GT(d.gain.rmse_baseline, 10 * kSensor);
+}
+
 TEST(Machine, CoulombFrictionInsideAMotionIsFound) {
   const auto u = random_command(kSamples, 25, 9);
   const Oscillator sticking{.coulomb = 0.25};
