@@ -18,23 +18,13 @@ using Eigen::Index;
 constexpr std::array<Index, 4> kBlocks{1, 4, 16, 64};
 constexpr std::array<Index, 5> kScoreBlocks{1, 4, 16, 64, 256};
 constexpr double kBystanders = 0.2;
-// A few valves may agree by chance: their scatter counts as what three in four such samples stay under.
-constexpr double kQuartile = 0.25;
 
-/// Freedoms of the χ² whose relative scatter is that of good valves' evidence beyond noise; 1 where it is not known. A
-/// size that scatters about `common_size` standard deviations from none scatters in its square as a non-central χ² of
+/// A size that scatters about `common_size` standard deviations from none scatters in its square as a non-central χ² of
 /// one freedom does, however alike the few squares seen happen to be.
-double freedoms_of_spread(double mean_beyond_noise, const GoodValveEvidence& good) {
-  if (!(good.sd > 0) || !(mean_beyond_noise > 1) || good.valves < 3) return 1;
-  const double known = good.valves - 1;
-  const boost::math::chi_squared scatter(known);
-  const double variance = good.sd * good.sd * known / boost::math::quantile(scatter, kQuartile);
-  const double seen = 2 * mean_beyond_noise * mean_beyond_noise / variance;
-  const double non_centrality = good.common_size * good.common_size;
-  const double possible = std::isfinite(non_centrality)
-                              ? (1 + non_centrality) * (1 + non_centrality) / (1 + 2 * non_centrality)
-                              : std::numeric_limits<double>::infinity();
-  return std::max(1.0, std::min(seen, possible));
+double most_freedoms_of_square(double common_size) {
+  const double non_centrality = common_size * common_size;
+  if (!std::isfinite(non_centrality)) return std::numeric_limits<double>::infinity();
+  return (1 + non_centrality) * (1 + non_centrality) / (1 + 2 * non_centrality);
 }
 
 }  // namespace
@@ -63,7 +53,7 @@ double Evidence::as_normal() const {
 
 Evidence Evidence::at_most(double reduction) const {
   const double most = std::max(reduction, 0.0);
-  return {std::min(value, most), std::min(exact, most), freedoms};
+  return {std::min(value, most), std::min(exact, most), freedoms, prior_share};
 }
 
 Evidence consistent_evidence(const Stack& before, const Stack& after, double reduction, Index slowest) {
@@ -95,10 +85,12 @@ Evidence consistent_evidence(const Stack& before, const Stack& after, double red
   const double owed_to_prior = std::max(0.0, reduction - std::max(0.0, closed));
   // The samples hardly change: the law does what the valve's own parameters did, and only their distance from good
   // valves' speaks for it. How far that scatters, with whatever the simulation gets wrong, the good valves have told.
-  if (energy < kBystanders * reduction) return {owed_to_prior, owed_to_prior};
-  if (owed_to_prior <= of_samples) return {of_samples + owed_to_prior, owed_to_prior, freedoms};
+  if (energy < kBystanders * reduction)
+    return {owed_to_prior, owed_to_prior, std::numeric_limits<double>::infinity(), 1};
+  const double prior_share = owed_to_prior > 0 ? owed_to_prior / (owed_to_prior + of_samples) : 0;
+  if (owed_to_prior <= of_samples) return {of_samples + owed_to_prior, owed_to_prior, freedoms, prior_share};
   const double together = reduction * reduction / (scatter + std::max(0.0, reduction - energy));
-  return {together, 0, freedoms};
+  return {together, 0, freedoms, prior_share};
 }
 
 Contrast contrast(const Stack& winner, const Stack& rival) {
@@ -122,6 +114,23 @@ Contrast contrast(const Stack& winner, const Stack& rival) {
   return contrast;
 }
 
+double square_p_value(double times, double mean, double sd, int n, double most) {
+  constexpr int kQuantiles = 32;  // of equal probability
+  const auto beyond = [&](double freedoms) {
+    const boost::math::fisher_f population(freedoms, freedoms * n);
+    return boost::math::cdf(boost::math::complement(population, times));
+  };
+  if (!(sd > 0) || n < 3) return beyond(1);
+  const double known = n - 1;
+  const boost::math::chi_squared scatter(known);
+  double sum = 0;
+  for (int i = 0; i < kQuantiles; ++i) {
+    const double variance = sd * sd * known / boost::math::quantile(scatter, (i + 0.5) / kQuantiles);
+    sum += beyond(std::max(1.0, std::min(most, 2 * mean * mean / variance)));
+  }
+  return sum / kQuantiles;
+}
+
 double good_valve_p_value(const Evidence& evidence, Index freedoms, double noise_reduction,
                           const GoodValveEvidence& good) {
   const double k = static_cast<double>(freedoms);
@@ -133,9 +142,9 @@ double good_valve_p_value(const Evidence& evidence, Index freedoms, double noise
   const double beyond_noise = evidence.value - std::max(0.0, noise_reduction - 1);
   if (!(beyond_noise > 0) || good.valves < 1) return by_noise;
   const double spread = std::max(0.0, good.mean - noise_reduction);
-  const double own = freedoms_of_spread(1 + spread, good);
-  const boost::math::fisher_f population(own, own * good.valves);
-  const double by_spread = boost::math::cdf(boost::math::complement(population, beyond_noise / (1 + spread)));
+  const double sd = spread > 0 ? good.sd : 0;  // where good valves show noise alone its scatter tells nothing of theirs
+  const double by_spread = square_p_value(beyond_noise / (1 + spread), 1 + spread, sd, good.valves,
+                                          most_freedoms_of_square(good.common_size));
   return std::max(by_noise, by_spread);
 }
 
@@ -151,15 +160,18 @@ double odds_at_unknown_size(double p_value) {
   return sum / kSteps;
 }
 
-double size_p_value(double size_from_none, double mean_from_none, double sd, double error, int good_valves) {
+double size_p_value(double size_from_none, double mean_from_none, double sd, double error, double prior_share,
+                    int good_valves) {
   if (!std::isfinite(error) || good_valves < 2) return 1;
-  const double spread = sd * std::sqrt(1 + 1.0 / good_valves);
-  const double total = std::hypot(spread, error);
+  const double of_valves = sd * sd * (1 + 1.0 / good_valves);
+  const double total = of_valves + error * error;
   if (!(total > 0)) return 1;
-  const double share = total / std::max(spread, 1e-3 * total);
-  const double known = std::min(1e6, (good_valves - 1) * std::pow(share, 4));
+  const double told_by_valves = std::hypot(of_valves, prior_share * error * error) / total;
+  constexpr double kMostFreedoms = 1e6;
+  const double known = std::min(kMostFreedoms, (good_valves - 1) / std::max(told_by_valves * told_by_valves, 1e-12));
   const boost::math::students_t student(known);
-  return 2 * boost::math::cdf(boost::math::complement(student, std::abs(size_from_none - mean_from_none) / total));
+  const double distance = std::abs(size_from_none - mean_from_none) / std::sqrt(total);
+  return 2 * boost::math::cdf(boost::math::complement(student, distance));
 }
 
 }  // namespace valvetriage

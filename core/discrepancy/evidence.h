@@ -23,6 +23,7 @@ struct Evidence {
   double exact = 0;  ///< the part of it that is owed to the prior: no noise in it
   /// How well the standard error is known, in degrees of freedom: infinite for white noise.
   double freedoms = std::numeric_limits<double>::infinity();
+  double prior_share = 0;  ///< of the information on the size, what the prior tells: 0 to 1
 
   /// What a normal deviate with the same tail as this Student t would have: Wallace, Ann. Math. Stat. 30 (1959) 1124.
   double as_normal() const;
@@ -79,10 +80,16 @@ struct GoodValveEvidence {
 /// there is none. `kNoise` is what noise alone gives after the search over the law's instants or frequencies, k the
 /// parameters. What a law takes from the simulation's own bias differs less between valves than the square of one
 /// normal deviate would: m, at least 1, is what their scatter tells (2 (mean / sd)², Satterthwaite, Biometrics
-/// Bulletin 2 (1946) 110), the upper quartile of what n valves say of sd. But the square of a normal deviate cannot
-/// differ less than its mean allows: with λ = common_size², m is at most (1 + λ)² / (1 + 2 λ).
+/// Bulletin 2 (1946) 110), as far as n valves say what it is (square_p_value). But the square of a normal deviate
+/// cannot differ less than its mean allows: with λ = common_size², m is at most (1 + λ)² / (1 + 2 λ).
 double good_valve_p_value(const Evidence& evidence, Eigen::Index freedoms, double noise_reduction,
                           const GoodValveEvidence& good);
+
+/// Probability that a further square is `times` as large as the mean of n: F of m and n m freedoms, m what their
+/// scatter tells, 2 (mean / sd)² (Satterthwaite), between 1 and `most`. A few may agree by chance: the mean over what n
+/// of them leave open of their sd. m = 1 where it is not known.
+double square_p_value(double times, double mean, double sd, int n,
+                      double most = std::numeric_limits<double>::infinity());
 
 /// Odds of an effect of unknown size to none where a good valve seems to have as much of it with a probability p: the
 /// mean, over sizes δ from half to fifty deviations of what good valves show, of e^(zδ − δ²/2) with z = Φ⁻¹(1 − p),
@@ -91,12 +98,16 @@ double good_valve_p_value(const Evidence& evidence, Eigen::Index freedoms, doubl
 double odds_at_unknown_size(double p_value);
 
 /// The same by the size of the effect, where good valves have a mean size: Student's t of
-/// (size − mean) / √(sd² (1 + 1/n) + error²), the error of the size known, sd from n valves.
+/// (size − mean) / √(sd² (1 + 1/n) + error²), sd from n valves. The error of the size is known as far as the samples
+/// tell of the size; as far as the prior does, how much of it a valve's own parameters may make, from n valves as well.
+/// Freedoms by Satterthwaite.
 ///
 /// size_from_none  the size less that of no effect
 /// mean_from_none  the same of good valves' mean
 /// sd              of good valves' sizes
 /// error           standard error of the size
-double size_p_value(double size_from_none, double mean_from_none, double sd, double error, int good_valves);
+/// prior_share     of the information on the size, 0 to 1
+double size_p_value(double size_from_none, double mean_from_none, double sd, double error, double prior_share,
+                    int good_valves);
 
 }  // namespace valvetriage

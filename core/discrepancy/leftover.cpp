@@ -7,6 +7,7 @@
 #include <limits>
 #include <span>
 
+#include "core/discrepancy/evidence.h"
 #include "core/residual/noise_floor.h"
 
 namespace valvetriage {
@@ -19,7 +20,32 @@ constexpr Index kGroupBlock = 16;
 constexpr int kFewestBlocks = 12;
 constexpr const char* kAtRest = "at rest";
 
+/// Whether a group is slower than good valves', its logarithm as a normal deviate. `own`: standard error of that.
+Unusual in_its_logarithm(double log_ratio, double own, int blocks, const LeftoverOnGoodValves& good, int valves) {
+  const double between = good.sd * good.sd, within = own * own;
+  const double t = (log_ratio - good.mean) / std::sqrt((between + within) * (1 + 1.0 / valves));
+  // Freedoms of a sum of variances: Satterthwaite, Biometrics Bulletin 2 (1946) 110.
+  const double freedoms = std::pow(between + within, 2) / (between * between / (valves - 1) + within * within / blocks);
+  return {t, boost::math::cdf(boost::math::complement(boost::math::students_t(freedoms), t))};
+}
+
+/// The same of what is slow beyond noise, a square.
+double p_value_of_amplitude(double log_ratio, double own, const LeftoverOnGoodValves& good, int valves) {
+  const double slow = std::expm1(log_ratio) - own;
+  if (!(slow > 0)) return 1;
+  const double usual = std::max(0.0, std::expm1(good.mean));
+  const double error = own / std::sqrt(static_cast<double>(valves));
+  return square_p_value(slow / (usual + error), usual, std::exp(good.mean) * good.sd, valves);
+}
+
 }  // namespace
+
+Unusual slower_than_good_valves(double log_ratio, int blocks, const LeftoverOnGoodValves& good, int valves) {
+  const double own = std::sqrt(2.0 / blocks);
+  Unusual unusual = in_its_logarithm(log_ratio, own, blocks, good, valves);
+  unusual.p_value = std::max(unusual.p_value, p_value_of_amplitude(log_ratio, own, good, valves));
+  return unusual;
+}
 
 std::vector<LeftoverGroup> leftover_groups(const LinearisedValve& fit, double output_range) {
   static constexpr std::array<const char*, 6> kNames{"at rest, low", "at rest, middle", "at rest, high",
@@ -90,16 +116,7 @@ Leftover leftover_of(const LinearisedValve& linear, const ValveDiagnosisOptions&
     const int valves = good->valves.value_or(options.good_valves);
     if (valves < 2) continue;
     ++groups;
-    // ln of a mean of n squares scatters by √(2/n) in itself.
-    const double own = std::sqrt(2.0 / group.blocks);
-    const double between = good->sd * good->sd, within = own * own;
-    const double sd = std::sqrt((between + within) * (1 + 1.0 / valves));
-    const double t = (group.log_ratio - good->mean) / sd;
-    // Freedoms of a sum of variances: Satterthwaite, Biometrics Bulletin 2 (1946) 110.
-    const double freedoms =
-        std::pow(between + within, 2) / (between * between / (valves - 1) + within * within / group.blocks);
-    const boost::math::students_t student(freedoms);
-    const double p = boost::math::cdf(boost::math::complement(student, t));
+    const auto [t, p] = slower_than_good_valves(group.log_ratio, group.blocks, *good, valves);
     if (p < 0.01) {
       leftover.findings.push_back({.what = "more slow residual than any good valve leaves",
                                    .where = group.group,

@@ -24,6 +24,17 @@ struct LeftoverGroup {
 };
 std::vector<LeftoverGroup> leftover_groups(const LinearisedValve& fit, double output_range);
 
+/// How far a group is from good valves, in standard deviations, and the probability that a good valve is as slow.
+struct Unusual {
+  double statistic = 0, p_value = 1;
+};
+
+/// Whether a group of `blocks` blocks is slower than n good valves': as ln of a mean of squares, which scatters by
+/// √(2 / blocks) in itself, and, whichever is less rare, as what is slow beyond noise. This is the square of an
+/// amplitude, of what a simulation gets wrong in one valve: where most good valves happen to lie near none, others are
+/// several times as far out (square_p_value).
+Unusual slower_than_good_valves(double log_ratio, int blocks, const LeftoverOnGoodValves& good, int valves);
+
 /// What is left beside an explanation, against good valves.
 struct Leftover {
   double p_value = 1;             ///< in a good valve, over all groups of samples

@@ -157,11 +157,14 @@ bool has_size_in_good_valves(const LawInFit& law, const CauseOnGoodValves* good)
   return good && good->size_sd > 0 && (std::isfinite(law.law->neutral) || good->size_mean > 0) && !law.recording;
 }
 
-/// Probability that a good valve has as much of a law by its size, whose standard error is given.
-double p_value_of_size(const Mechanism& law, double size, double error, const CauseOnGoodValves& good, int valves) {
+/// Probability that a good valve has as much of a law by its size, whose standard error is given, and how much of it
+/// the prior tells.
+double p_value_of_size(const Mechanism& law, double size, double error, double prior_share,
+                       const CauseOnGoodValves& good, const ValveDiagnosisOptions& options) {
   const Size own = size_of(law, size, error);
   const Size usual = size_of(law, good.size_mean, good.size_sd);
-  return size_p_value(own.from_none, usual.from_none, usual.sd, own.sd, valves);
+  return size_p_value(own.from_none, usual.from_none, usual.sd, own.sd, prior_share,
+                      good.size_valves.value_or(options.good_valves));
 }
 
 /// By the evidence or by the size, whichever tells more; two tests are paid for. What good valves show at this size as
@@ -179,8 +182,8 @@ double p_value_of(const Tested& tested, const Evidence& evidence, double size, c
   if (!(beyond_search > 0)) return 1;
   const Mechanism& law = *tested.fit.law.law;
   const double from_none = std::isfinite(law.neutral) ? std::abs(size - law.neutral) : std::abs(size);
-  const double by_size = p_value_of_size(law, size, from_none / std::sqrt(beyond_search), *good,
-                                         good->size_valves.value_or(options.good_valves));
+  const double by_size =
+      p_value_of_size(law, size, from_none / std::sqrt(beyond_search), evidence.prior_share, *good, options);
   if (by_size > kLikeGoodValves) return 1;
   return std::min(1.0, 2 * std::min(by_evidence, by_size));
 }
@@ -465,14 +468,14 @@ double rank_of(const Tested& tested, double reduction, std::span<const CauseOnGo
 /// Probability that a good valve has as much of the law that came last, by its size and the error of the whole fit. 0
 /// where good valves' sizes do not tell, and where free runs stick: their slopes say nothing of an error, and
 /// recordings left out of the fit must bear the law out.
-double p_value_of_fitted_size(const Explanation& fitted, double size, const Explanation& beside, double inflation,
-                              const ValveDiagnosisOptions& options) {
+double p_value_of_fitted_size(const Explanation& fitted, double size, double prior_share, const Explanation& beside,
+                              double inflation, const ValveDiagnosisOptions& options) {
   const LawInFit& law = fitted.laws.back().law;
   const CauseOnGoodValves* good = on_good_valves(options.causes, law.law->cause);
   if (!has_size_in_good_valves(law, good) || makes_stick(law, beside)) return 0;
   const std::vector<double> errors = fitted.standard_errors(inflation);
   const double error = errors[errors.size() - law.law->parameters.size() + law.law->size_parameter];
-  return p_value_of_size(*law.law, size, error, *good, good->size_valves.value_or(options.good_valves));
+  return p_value_of_size(*law.law, size, error, prior_share, *good, options);
 }
 
 /// A law fitted together with the valve, before it is compared. `error` is what the valve alone leaves at the rows.
@@ -492,7 +495,8 @@ Ranked ranked_fit(const Tested& tested, const Explanation& beside, const Stack& 
   // The evidence takes what the law gets wrong for noise that averages out; the error that goes with the size does not.
   // Both must tell the valve from good ones.
   if (r.p_value <= kRareInGoodValves) {
-    r.p_value = std::max(r.p_value, p_value_of_fitted_size(fitted, size, beside, contest.inflation, options));
+    r.p_value = std::max(
+        r.p_value, p_value_of_fitted_size(fitted, size, r.evidence.prior_share, beside, contest.inflation, options));
   }
   r.stands_out = laws * r.p_value <= kNamedFalseAlarm;
   if (!r.stands_out && is_unlike_good_valves(contest) && r.p_value <= kRareInGoodValves &&

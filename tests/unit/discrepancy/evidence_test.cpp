@@ -136,11 +136,23 @@ TEST(Evidence, WhatEveryGoodValveShowsAlikeIsKnownBetter) {
   const auto p_value = [](double sd) {
     return good_valve_p_value(Evidence{600}, 1, 1, {.mean = 30, .sd = sd, .valves = 8});
   };
-  // The square of a normal deviate scatters by √2 of its mean; so does an unknown one.
-  EXPECT_DOUBLE_EQ(p_value(std::sqrt(2.0) * 30), p_value(0));
-  EXPECT_LT(p_value(10), 0.01 * p_value(0));
-  // Half of such samples of eight scatter by less than they should.
-  EXPECT_DOUBLE_EQ(p_value(0.9 * std::sqrt(2.0) * 30), p_value(0));
+  // The square of a normal deviate scatters by √2 of its mean; half of such samples of eight scatter by less.
+  EXPECT_GT(p_value(std::sqrt(2.0) * 30), 0.5 * p_value(0));
+  EXPECT_LT(p_value(10), 0.05 * p_value(0));
+}
+
+TEST(Evidence, ThreeGoodValvesThatHappenToBeAlikeDoNotSayThatAllAre) {
+  const auto p_value = [](int valves) {
+    return good_valve_p_value(Evidence{106}, 2, 11, {.mean = 21, .sd = 3, .valves = valves});
+  };
+  EXPECT_GT(p_value(3), 1e-3);
+  EXPECT_LT(p_value(30), 1e-6);
+}
+
+TEST(Evidence, OfSquaresWhoseScatterIsNotKnownTheOneIsLikeTheNextNormalDeviates) {
+  EXPECT_NEAR(square_p_value(5.32, 1, 0, 8), 0.05, 0.001);        // F of 1 and 8
+  EXPECT_NEAR(square_p_value(5.32, 1, 0.01, 2), 0.15, 0.01);      // two tell no scatter: F of 1 and 2
+  EXPECT_NEAR(square_p_value(5.32, 1, 1e-9, 8, 1), 0.05, 0.001);  // however alike, no more freedoms than there may be
 }
 
 TEST(Evidence, ASearchOverManyStartsIsPaidFor) {
@@ -158,16 +170,24 @@ TEST(Evidence, WhereNothingIsSeenAFaultTooSmallToSeeKeepsItsOdds) {
 
 TEST(Evidence, ASizeIsJudgedAgainstGoodValvesSpread) {
   // 4.8 psi where good valves lie at 0.5 ± 0.2 and the error is negligible: t of 20 with seven degrees of freedom.
-  EXPECT_LT(size_p_value(4.8, 0.5, 0.2, 0.005, 8), 1e-6);
-  EXPECT_GT(size_p_value(0.8, 0.5, 0.2, 0.005, 8), 0.1);
-  EXPECT_EQ(size_p_value(0.8, 0.5, 0.2, std::numeric_limits<double>::infinity(), 8), 1.0);
+  EXPECT_LT(size_p_value(4.8, 0.5, 0.2, 0.005, 0, 8), 1e-6);
+  EXPECT_GT(size_p_value(0.8, 0.5, 0.2, 0.005, 0, 8), 0.1);
+  EXPECT_EQ(size_p_value(0.8, 0.5, 0.2, std::numeric_limits<double>::infinity(), 0, 8), 1.0);
 }
 
 TEST(Evidence, ASizeWhoseErrorIsWideIsJudgedByThatError) {
   // Ten errors from good valves that are all alike: a normal deviate. Four are not enough for one law of
   // twenty at a false alarm in two hundred where the spread of eight valves is as wide as the error.
-  EXPECT_LT(size_p_value(5, 0, 0.05, 0.5, 8), 1e-15);
-  EXPECT_GT(size_p_value(4, 0, 0.7, 0.7, 8), 2.5e-4);
+  EXPECT_LT(size_p_value(5, 0, 0.05, 0.5, 0, 8), 1e-15);
+  EXPECT_GT(size_p_value(4, 0, 0.7, 0.7, 0, 8), 2.5e-4);
+}
+
+TEST(Evidence, AnErrorThatThePriorTellsIsKnownFromGoodValvesAlone) {
+  // Five errors out in what the valve's own parameters may make as well: rare where samples tell so, not rare enough
+  // for one law of twenty where the spread of eight valves does.
+  EXPECT_LT(size_p_value(5, 0, 0.1, 1, 0, 8), 1e-6);
+  EXPECT_GT(size_p_value(5, 0, 0.1, 1, 1, 8), 1e-3);
+  EXPECT_LT(size_p_value(12, 0, 0.1, 1, 1, 8), 1e-5);
 }
 
 TEST(Evidence, SquaresOfSizesOnBothSidesOfNoneScatterLikeANormalDeviates) {
