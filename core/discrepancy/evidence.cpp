@@ -87,10 +87,12 @@ Evidence consistent_evidence(const Stack& before, const Stack& after, double red
   // valves' speaks for it. How far that scatters, with whatever the simulation gets wrong, the good valves have told.
   if (energy < kBystanders * reduction)
     return {owed_to_prior, owed_to_prior, std::numeric_limits<double>::infinity(), 1};
-  const double prior_share = owed_to_prior > 0 ? owed_to_prior / (owed_to_prior + of_samples) : 0;
-  if (owed_to_prior <= of_samples) return {of_samples + owed_to_prior, owed_to_prior, freedoms, prior_share};
+  if (owed_to_prior <= of_samples) {
+    const double all = of_samples + owed_to_prior;
+    return {all, owed_to_prior, freedoms, all > 0 ? owed_to_prior / all : 0};
+  }
   const double together = reduction * reduction / (scatter + std::max(0.0, reduction - energy));
-  return {together, 0, freedoms, prior_share};
+  return {together, 0, freedoms};
 }
 
 Contrast contrast(const Stack& winner, const Stack& rival) {

@@ -23,7 +23,9 @@ struct Evidence {
   double exact = 0;  ///< the part of it that is owed to the prior: no noise in it
   /// How well the standard error is known, in degrees of freedom: infinite for white noise.
   double freedoms = std::numeric_limits<double>::infinity();
-  double prior_share = 0;  ///< of the information on the size, what the prior tells: 0 to 1
+  /// Of the information on the size, what the prior alone tells: 0 to 1. What the samples bear out that moved the valve
+  /// away from the prior is theirs.
+  double prior_share = 0;
 
   /// What a normal deviate with the same tail as this Student t would have: Wallace, Ann. Math. Stat. 30 (1959) 1124.
   double as_normal() const;
