@@ -85,8 +85,7 @@ Evidence consistent_evidence(const Stack& before, const Stack& after, double red
   const double owed_to_prior = std::max(0.0, reduction - std::max(0.0, closed));
   // The samples hardly change: the law does what the valve's own parameters did, and only their distance from good
   // valves' speaks for it. How far that scatters, with whatever the simulation gets wrong, the good valves have told.
-  if (energy < kBystanders * reduction)
-    return {owed_to_prior, owed_to_prior, std::numeric_limits<double>::infinity(), 1};
+  if (energy < kBystanders * reduction) return {.value = owed_to_prior, .exact = owed_to_prior, .prior_share = 1};
   if (owed_to_prior <= of_samples) {
     const double all = of_samples + owed_to_prior;
     return {all, owed_to_prior, freedoms, all > 0 ? owed_to_prior / all : 0};
@@ -170,7 +169,7 @@ double size_p_value(double size_from_none, double mean_from_none, double sd, dou
   if (!(total > 0)) return 1;
   const double told_by_valves = std::hypot(of_valves, prior_share * error * error) / total;
   constexpr double kMostFreedoms = 1e6;
-  const double known = std::min(kMostFreedoms, (good_valves - 1) / std::max(told_by_valves * told_by_valves, 1e-12));
+  const double known = std::min(kMostFreedoms, (good_valves - 1) / (told_by_valves * told_by_valves));
   const boost::math::students_t student(known);
   const double distance = std::abs(size_from_none - mean_from_none) / std::sqrt(total);
   return 2 * boost::math::cdf(boost::math::complement(student, distance));
