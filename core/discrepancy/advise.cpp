@@ -20,11 +20,12 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr std::size_t kMostAlternatives = 8;
-constexpr double kSettled = 0.95;      // posterior that the contract calls settled
-constexpr double kWorthAsking = 0.05;  // below, no test of the repertoire is worth its time
-constexpr double kEqual = 0.01;        // tests whose worth differs by less are equal
-constexpr double kFree = 1e4;          // a freedom of the baseline: so many noise rms per sample that nothing is left
-constexpr double kBiasSamples = 20;    // samples over which a model's bias is one and the same
+constexpr double kSettled = 0.95;  // posterior that the contract calls settled
+constexpr double kWorthAsking =
+    0.05;                        // of settling the question, or of beating a rival: below, no test is worth its time
+constexpr double kEqual = 0.01;  // tests whose worth differs by a smaller share are equal
+constexpr double kFree = 1e4;    // a freedom of the baseline: so many noise rms per sample that nothing is left
+constexpr double kBiasSamples = 20;  // samples over which a model's bias is one and the same
 
 /// One test of the repertoire.
 struct Play {
@@ -94,34 +95,8 @@ std::optional<VectorXd> simulated(Model model, const Play& play, const AdviceOpt
   return Eigen::Map<const VectorXd>(y->data(), static_cast<Index>(y->size()));
 }
 
-/// An alternative on a test: its output, and by column what its parameters may still move.
-struct Run {
-  VectorXd output;
-  MatrixXd loose;
-};
-
-std::optional<Run> run_of(const Alternative& alternative, const Play& play, const AdviceOptions& options) {
-  const auto output = simulated(alternative.model, play, options);
-  if (!output) return std::nullopt;
-  Run run{*output, MatrixXd(output->size(), 0)};
-  std::size_t entry = 0;
-  for (std::size_t m = 0; m < alternative.model.mechanisms.size(); ++m) {
-    const std::size_t parameters = alternative.model.mechanisms[m].parameters.size();
-    for (std::size_t j = 0; j < parameters; ++j, ++entry) {
-      const double sd = entry < alternative.parameter_sd.size() ? alternative.parameter_sd[entry] : 0;
-      if (!(sd > 0) || !std::isfinite(sd)) continue;
-      Model moved = alternative.model;
-      moved.mechanisms[m].parameters[j] += sd;
-      const auto there = simulated(moved, play, options);
-      if (!there) continue;
-      run.loose.conservativeResize(Eigen::NoChange, run.loose.cols() + 1);
-      run.loose.rightCols(1) = *there - *output;
-    }
-  }
-  return run;
-}
-
-/// What a refitted baseline takes up: offset, gain, timing, curvature; each as large as a free parameter needs.
+/// What a refitted baseline takes up where nothing is known of how open it is: offset, gain, timing, curvature; each as
+/// large as a free parameter needs.
 MatrixXd baseline_freedoms(const VectorXd& y, double noise) {
   MatrixXd columns(y.size(), 4);
   const VectorXd centred = y.array() - y.mean();
@@ -137,12 +112,32 @@ MatrixXd baseline_freedoms(const VectorXd& y, double noise) {
   return columns;
 }
 
+/// An alternative on a test: its output, and by column what may still move.
+struct Run {
+  VectorXd output;
+  MatrixXd loose;
+};
+
+std::optional<Run> run_of(const Alternative& alternative, const Play& play, const AdviceOptions& options) {
+  const auto output = simulated(alternative.model, play, options);
+  if (!output) return std::nullopt;
+  Run run{*output, MatrixXd(output->size(), static_cast<Index>(alternative.moved.size()))};
+  Index column = 0;
+  for (const Model& moved : alternative.moved) {
+    const auto there = simulated(moved, play, options);
+    if (there) run.loose.col(column++) = *there - *output;
+  }
+  run.loose.conservativeResize(Eigen::NoChange, column);
+  return run;
+}
+
 /// d of two runs by the matrix inversion lemma: σ² d² = Δᵀ Δ − Δᵀ G (σ² I + Gᵀ G)⁻¹ Gᵀ Δ.
 double distance(const Run& a, const Run& b, double noise) {
   const VectorXd delta = a.output - b.output;
-  const MatrixXd baseline = baseline_freedoms(0.5 * (a.output + b.output), noise);
-  MatrixXd g(delta.size(), baseline.cols() + a.loose.cols() + b.loose.cols());
-  g << baseline, a.loose, b.loose;
+  const bool is_unknown = a.loose.cols() == 0 || b.loose.cols() == 0;
+  const MatrixXd least = is_unknown ? baseline_freedoms(0.5 * (a.output + b.output), noise) : MatrixXd(delta.size(), 0);
+  MatrixXd g(delta.size(), least.cols() + a.loose.cols() + b.loose.cols());
+  g << least, a.loose, b.loose;
   MatrixXd inner = g.transpose() * g;
   inner.diagonal().array() += noise * noise;
   const VectorXd seen = g.transpose() * delta;
@@ -166,23 +161,27 @@ double beats(double d, std::size_t samples, const Alternative& own, const Altern
 
 /// What one test is worth.
 struct Worth {
-  double expected = 0;
+  double expected = 0;  ///< chance that it settles the question
+  double told = 0;      ///< chance that the true alternative beats a given rival
   double duration_s = 0;
   std::set<std::string> separated;    ///< single causes that it is likely to settle
   std::size_t first = 0, second = 1;  ///< the pair hardest to tell apart
   double least_distance = 0;
+
+  /// By which tests are chosen: where none is likely to settle the question, the one that leaves the least of it open.
+  double score() const { return expected >= kWorthAsking ? expected : kWorthAsking * told; }
 };
 
 std::optional<Worth> worth_of(std::span<const Alternative* const> rivals, const Play& play,
                               const AdviceOptions& options) {
+  const double variance = options.noise_rms * options.noise_rms + kBiasSamples * options.bias_rms * options.bias_rms;
+  const double noise = std::sqrt(variance);
   std::vector<Run> runs;
   for (const Alternative* rival : rivals) {
     auto run = run_of(*rival, play, options);
     if (!run) return std::nullopt;
     runs.push_back(std::move(*run));
   }
-  const double variance = options.noise_rms * options.noise_rms + kBiasSamples * options.bias_rms * options.bias_rms;
-  const double noise = std::sqrt(variance);
   MatrixXd d = MatrixXd::Zero(static_cast<Index>(runs.size()), static_cast<Index>(runs.size()));
   Worth worth{.duration_s = static_cast<double>(play.input.size()) / options.sample_rate_hz,
               .least_distance = std::numeric_limits<double>::infinity()};
@@ -199,14 +198,17 @@ std::optional<Worth> worth_of(std::span<const Alternative* const> rivals, const 
   }
   double total = 0;
   for (std::size_t i = 0; i < runs.size(); ++i) {
-    double settled = 1;
+    double settled = 1, beaten = 0;
     for (std::size_t j = 0; j < runs.size(); ++j) {
       if (j == i) continue;
       const double apart = d(static_cast<Index>(i), static_cast<Index>(j));
-      settled -= 1 - beats(apart, play.input.size(), *rivals[i], *rivals[j], options);
+      const double chance = beats(apart, play.input.size(), *rivals[i], *rivals[j], options);
+      settled -= 1 - chance;
+      beaten += chance;
     }
     settled = std::max(settled, 0.0);
     worth.expected += rivals[i]->probability * settled;
+    worth.told += rivals[i]->probability * beaten / static_cast<double>(runs.size() - 1);
     total += rivals[i]->probability;
     if (settled < 0.5) continue;
     std::string cause;
@@ -220,6 +222,7 @@ std::optional<Worth> worth_of(std::span<const Alternative* const> rivals, const 
     }
   }
   worth.expected /= total;
+  worth.told /= total;
   return worth;
 }
 
@@ -229,8 +232,8 @@ NextTest told(const Play& play, const Worth& worth, std::span<const Alternative*
   NextTest next;
   next.test = play.name;
   next.why = fmt::format(
-      "On it {} and {}, the two hardest to tell apart, differ by {:.3g} times the noise, whatever offset, gain, timing "
-      "and curvature turn out to be ({:.3g} s at {:g} Hz, noise {:.3g}{}); the next best test settles with probability "
+      "On it {} and {}, the two hardest to tell apart, differ by {:.3g} times the noise, whatever the valve's own "
+      "parameters turn out to be ({:.3g} s at {:g} Hz, noise {:.3g}{}); the next best test settles with probability "
       "{:.2f}",
       rivals[worth.first]->cause, rivals[worth.second]->cause, worth.least_distance, worth.duration_s,
       options.sample_rate_hz, options.noise_rms, is_current ? " psi" : "", second_best);
@@ -273,14 +276,15 @@ std::optional<NextTest> advise_next_test(std::span<const Alternative> alternativ
   for (const Play& play : plays) {
     const auto worth = worth_of(rivals, play, options);
     if (!worth) continue;
-    const bool is_better = !best || worth->expected > best->expected + kEqual ||
-                           (worth->expected > best->expected - kEqual && worth->duration_s < best->duration_s);
+    const double more = best ? worth->score() - best->score() : 1;
+    const bool is_close = std::abs(more) <= kEqual * std::max(worth->score(), best ? best->score() : 0);
+    const bool is_better = is_close ? worth->duration_s < best->duration_s : more > 0;
     second_best = std::max(second_best, is_better ? (best ? best->expected : 0) : worth->expected);
     if (!is_better) continue;
     best = worth;
     chosen = &play;
   }
-  if (!best || best->expected < kWorthAsking) return std::nullopt;
+  if (!best || best->told < kWorthAsking) return std::nullopt;
   return told(*chosen, *best, rivals, second_best, options);
 }
 

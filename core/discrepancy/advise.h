@@ -16,8 +16,9 @@ struct Alternative {
   std::string cause;  ///< as a candidate's: a cause, a pair "friction+leakage", "none"
   double probability = 0;
   Model model;  ///< with this cause in it, its baseline refitted
-  /// Standard errors of the mechanisms' parameters, one mechanism after the other; empty: known.
-  std::vector<double> parameter_sd;
+  /// The model moved by one standard deviation along each direction in which the data leave it open, the baseline's own
+  /// parameters included. Empty: nothing is known of that, and offset, gain, timing and curvature are free.
+  std::vector<Model> moved;
 };
 
 struct AdviceOptions {
@@ -37,18 +38,19 @@ struct AdviceOptions {
 ///
 ///   d² = Δᵀ (σ² I + Σ_k g_k g_kᵀ)⁻¹ Δ,   Δ = y_i − y_j
 ///
-/// where the g_k are what a refit may still move: offset, gain, timing (output's rate) and curvature of the baseline,
-/// without limit, and each alternative's parameters by their standard errors. From d the chance that the true one
-/// reaches a posterior of 0.95, and the odds that are asked for, against a rival is Φ((d²/2 − ln(19 p_j / p_i)) / d);
-/// an alternative is settled if all its rivals are beaten (union bound), and a test's worth is the mean over the
-/// alternatives by their probabilities. Among equals (within 0.01) the shortest test is taken.
+/// where the g_k are what a refit may still move: what each alternative's `moved` models do. From d the chance that the
+/// true one reaches a posterior of 0.95, and the odds that are asked for, against a rival is Φ((d²/2 − ln(19 p_j /
+/// p_i)) / d); an alternative is settled if all its rivals are beaten (union bound), and a test's worth is the mean
+/// over the alternatives by their probabilities. Where none reaches 0.05, it is the chance that the true one beats a
+/// given rival: of eight alternatives no one test may settle all, and most of them go. Among equals (within a
+/// hundredth) the shortest test is taken.
 ///
 /// Only the most probable eight alternatives are compared; `none` is one of them where given. A law on a side channel
 /// is left out of the simulations: the channel of a future test is not known.
 ///
-/// returns  empty for fewer than two alternatives, a range without width, or where no test is expected to settle
-///          anything with a probability of 0.05
-/// Cost     tests × alternatives × (1 + parameters) simulations of 1,000 to 8,000 samples; deterministic
+/// returns  empty for fewer than two alternatives, a range without width, or where no test is expected to beat a rival
+///          with a probability of 0.05
+/// Cost     tests × alternatives × (1 + directions) simulations of 1,000 to 8,000 samples; deterministic
 std::optional<NextTest> advise_next_test(std::span<const Alternative> alternatives, const AdviceOptions& options);
 
 /// The chance that one given test settles the question, weighed as advise_next_test weighs its own; NaN for fewer than

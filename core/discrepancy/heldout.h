@@ -5,13 +5,21 @@
 
 namespace valvetriage {
 
+/// How well held-out samples bear an explanation out.
+struct MeasuredGain {
+  DiscrepancyGain gain;
+  /// Cost of the held-out samples by what the kept ones foretell, its own uncertainty included [noise variances]: where
+  /// the only edge of a recording is held out, what is left tells little of it and is little wrong.
+  double surprise_of_baseline = 0, surprise_of_extended = 0;
+};
+
 /// What an explanation gains on samples that took no part in its fit.
 ///
 /// Folds are recordings where there are at least three, else blocks of a quarter of a recording, the first never held
 /// out. For each fold baseline and explanation are fitted again without it (one Gauss-Newton step of the exact normal
 /// equations without the fold's rows), simulated freely on it from its own initial state, and compared. The explanation
-/// is only used where it pays on the samples that were kept: choosing is nested. The interval is of a bootstrap over
-/// blocks, seeded by nothing but the data's size.
+/// is only used where it pays on the samples that were kept, by more than its parameters cost: choosing is nested. The
+/// interval is of a bootstrap over blocks, seeded by nothing but the data's size.
 ///
 /// A cycle of hunting has a phase that no other recording foretells: its frequency, amplitude and level are those of
 /// the samples that were kept, its phase that of the reading around each held-out sample, without the sample and its
@@ -22,7 +30,7 @@ namespace valvetriage {
 ///                 on the same folds: about what any extension could
 /// transfer        the same for all recordings of one kind of test, fitted on the other kinds; empty where there is one
 ///                 kind only or a law acts in one recording alone
-DiscrepancyGain measure_gain(const Explanation& baseline, const Explanation& extended);
+MeasuredGain measure_gain(const Explanation& baseline, const Explanation& extended);
 
 /// Whether recordings that took no part in its fit bear an explanation out: the lower end of the 95 % interval of what
 /// it gains on them is above nothing.

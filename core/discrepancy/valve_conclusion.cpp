@@ -45,6 +45,8 @@ constexpr double kCertainLine = 1e-6;
 constexpr double kLeastOfALine = 0.01;
 // A cause that the prior carries, a delay or a gain, neither helps nor harms held-out recordings: this much by chance.
 constexpr double kMostHarm = 0.01;
+// Noise variances by which held-out samples then have to be less foreseen than by the baseline: twenty to one.
+constexpr double kMostSurprise = 6;
 // Of a name whose extension leaves too much: as likely as not.
 constexpr double kUnexplainedName = 0.5;
 constexpr int kRefitSteps = 12;
@@ -371,16 +373,10 @@ std::optional<std::size_t> open_place(const std::vector<NamedCause>& causes) {
 }
 
 Alternative alternative(const Explanation& explanation, std::string cause, double probability, double inflation) {
-  Alternative alternative{.cause = std::move(cause), .probability = probability, .model = explanation.model()};
-  // The gauge comes first among a model's mechanisms and is known.
-  const std::size_t known = alternative.model.mechanisms.size() - explanation.laws.size();
-  for (std::size_t m = 0; m < known; ++m) {
-    alternative.parameter_sd.insert(alternative.parameter_sd.end(), alternative.model.mechanisms[m].parameters.size(),
-                                    0);
-  }
-  const std::vector<double> errors = explanation.standard_errors(inflation);
-  alternative.parameter_sd.insert(alternative.parameter_sd.end(), errors.begin(), errors.end());
-  return alternative;
+  return {.cause = std::move(cause),
+          .probability = probability,
+          .model = explanation.model(),
+          .moved = explanation.moved_models(inflation)};
 }
 
 /// The causes of a place, as they were fitted together with the valve.
@@ -485,7 +481,7 @@ void measure_each(const SearchedValve& searched, Discrepancy& discrepancy) {
     cause.rmse_before = discrepancy.gain.rmse_baseline;
     if (explanation.laws.size() < 2) continue;
     const Explanation others = without(explanation, l, kRefitSteps);
-    cause.rmse_before = measure_gain(searched.baseline, others).rmse_extended;
+    cause.rmse_before = measure_gain(searched.baseline, others).gain.rmse_extended;
   }
 }
 
@@ -598,7 +594,7 @@ bool is_borne_out(const DiscrepancyGain& gain) {
 /// Whether what is left of the valve is what good valves leave, or little of what was there, and no sign speaks against
 /// the causes.
 bool is_explained(const Grounds& grounds, const LinearisedValve& linear, const Leftover& leftover,
-                  const std::vector<Finding>& findings, const DiscrepancyGain& gain) {
+                  const std::vector<Finding>& findings, const MeasuredGain& heldout) {
   const Explanation& explanation = grounds.explanation();
   const Explanation& baseline = grounds.searched.baseline;
   // A disturbance acts at rest as well: what it leaves there that is no white noise is not explained by it.
@@ -606,8 +602,10 @@ bool is_explained(const Grounds& grounds, const LinearisedValve& linear, const L
                                         [](const LawFit& law) { return law.law.law->family == "disturbance"; });
   if (is_disturbed && leftover.at_rest_deviations > kWhiteAtRest) return false;
   if (comes_and_goes(grounds, linear)) return false;
-  // What makes recordings that it was not fitted to worse is not what happened, however well it fits the others.
-  if (gain.reduction < -kMostHarm) return false;
+  // What makes samples that it was not fitted to worse is not what happened, however well it fits the others; unless
+  // the others tell too little of it to say.
+  const double surprise = heldout.surprise_of_extended - heldout.surprise_of_baseline;
+  if (heldout.gain.reduction < -kMostHarm && surprise > kMostSurprise * grounds.inflation) return false;
 
   const double noise = noise_cost(explanation);
   const bool is_loud = explanation.cost > kLoud * std::max(noise, leftover.at_rest * linear.samples());
@@ -615,7 +613,7 @@ bool is_explained(const Grounds& grounds, const LinearisedValve& linear, const L
                        (explanation.laws.empty() ? has_certain_line(findings) : is_loud);
   const double there = baseline.cost - noise_cost(baseline);
   const double remains = std::max(0.0, explanation.cost - noise);
-  return !is_left || (!explanation.laws.empty() && remains < kMostLeft * there && is_borne_out(gain));
+  return !is_left || (!explanation.laws.empty() && remains < kMostLeft * there && is_borne_out(heldout.gain));
 }
 
 ValveDiagnosis conclude_search(const SearchedValve& searched, const ValveDiagnosisOptions& options) {
@@ -632,12 +630,13 @@ ValveDiagnosis conclude_search(const SearchedValve& searched, const ValveDiagnos
 
   ValveDiagnosis diagnosis;
   Discrepancy& discrepancy = diagnosis.discrepancy;
-  discrepancy.gain = measure_gain(searched.baseline, explanation);
+  const MeasuredGain heldout = measure_gain(searched.baseline, explanation);
+  discrepancy.gain = heldout.gain;
   // A fault that the fit has taken up leaves nothing: the valve is odd where its residual is not.
   const OwnParameters own =
       explanation.laws.empty() ? own_parameters_of(explanation.v, linear.errors(inflation), options) : OwnParameters{};
   const bool is_taken_up = own.p_value < kFalseAlarm;
-  const bool explained = !is_taken_up && is_explained(grounds, linear, leftover, findings, discrepancy.gain);
+  const bool explained = !is_taken_up && is_explained(grounds, linear, leftover, findings, heldout);
   for (std::size_t l = 0; l < explanation.laws.size(); ++l) {
     discrepancy.causes.push_back(named_cause(grounds, l, explained));
   }

@@ -1,6 +1,7 @@
 #include "core/discrepancy/valve_explanation.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -63,38 +64,97 @@ Model Explanation::model() const {
   return model;
 }
 
-std::vector<double> Explanation::standard_errors(double inflation) const {
-  ValveFitProblem::Normal normal{MatrixXd::Zero(problem->size(), problem->size()), VectorXd::Zero(problem->size())};
+namespace {
+
+/// Where the vector has every parameter of every law, in order (own ones: the first recording's).
+std::vector<Index> law_entries(const Explanation& explanation) {
+  std::vector<Index> entries;
+  for (std::size_t l = 0; l < explanation.options->laws.size(); ++l) {
+    for (std::size_t j = 0; j < explanation.options->laws[l].law->parameters.size(); ++j)
+      entries.push_back(explanation.problem->law_entry(l, j, 0));
+  }
+  return entries;
+}
+
+/// Of everything fitted together, and how far the scores of parts of the recordings pull every entry.
+struct Uncertainty {
+  MatrixXd covariance;       ///< in noise of unit variance
+  std::vector<double> pull;  ///< variance of the sandwich, by entry
+};
+
+Uncertainty uncertainty_of(const Explanation& explanation) {
+  const ValveFitProblem& problem = *explanation.problem;
+  ValveFitProblem::Normal normal{MatrixXd::Zero(problem.size(), problem.size()), VectorXd::Zero(problem.size())};
   std::vector<VectorXd> scores;
-  for (std::size_t r = 0; r < problem->recordings(); ++r) {
-    const ValveFitProblem::Rows rows = problem->rows(v, r);
-    const Index own = problem->own_at(r), shared = problem->shared();
+  for (std::size_t r = 0; r < problem.recordings(); ++r) {
+    const ValveFitProblem::Rows rows = problem.rows(explanation.v, r);
+    const Index own = problem.own_at(r), shared = problem.shared();
     const Index count = rows.error.size();
     for (Index block = 0; block < kScoreBlocks; ++block) {
       const Index first = block * count / kScoreBlocks, last = (block + 1) * count / kScoreBlocks;
-      problem->accumulate(rows, first, last - first, r, normal);
+      problem.accumulate(rows, first, last - first, r, normal);
       const VectorXd score = rows.jacobian.transposed_times(first, rows.error.segment(first, last - first));
-      scores.push_back(VectorXd::Zero(problem->size()));
+      scores.push_back(VectorXd::Zero(problem.size()));
       scores.back().head(shared) = score.head(shared);
-      scores.back().segment(own, problem->own()) = score.tail(problem->own());
+      scores.back().segment(own, problem.own()) = score.tail(problem.own());
     }
   }
-  problem->add_penalty(v, normal);
-  const MatrixXd inverse = normal.a.ldlt().solve(MatrixXd::Identity(problem->size(), problem->size()));
+  problem.add_penalty(explanation.v, normal);
+  Uncertainty of{normal.a.ldlt().solve(MatrixXd::Identity(problem.size(), problem.size())), {}};
+  of.pull.assign(static_cast<std::size_t>(problem.size()), 0);
+  for (const VectorXd& score : scores) {
+    const VectorXd moved = of.covariance * score;
+    for (Index j = 0; j < moved.size(); ++j) of.pull[static_cast<std::size_t>(j)] += moved(j) * moved(j);
+  }
+  return of;
+}
 
+}  // namespace
+
+std::vector<double> Explanation::standard_errors(double inflation) const {
+  const Uncertainty of = uncertainty_of(*this);
   std::vector<double> errors;
-  Index shared = problem->baseline_size();
-  Index own = problem->own_at(0) + ValveFitProblem::kStarts;
-  for (const LawInFit& law : options->laws) {
-    for (std::size_t j = 0; j < law.law->parameters.size(); ++j) {
-      const Index entry = j < law.shared() ? shared++ : own++;
-      double between = 0;
-      for (const VectorXd& score : scores) between += std::pow(inverse.row(entry).dot(score), 2);
-      const double variance = std::max(inverse(entry, entry) * inflation, between);
-      errors.push_back(variance > 0 ? std::sqrt(variance) : std::numeric_limits<double>::quiet_NaN());
-    }
+  for (const Index entry : law_entries(*this)) {
+    const double variance = std::max(of.covariance(entry, entry) * inflation, of.pull[static_cast<std::size_t>(entry)]);
+    errors.push_back(variance > 0 ? std::sqrt(variance) : std::numeric_limits<double>::quiet_NaN());
   }
   return errors;
+}
+
+std::vector<Model> Explanation::moved_models(double inflation) const {
+  constexpr double kNegligible = 1e-3;
+  const Uncertainty of = uncertainty_of(*this);
+  std::vector<Index> entries;
+  std::vector<double> deviations;
+  const auto add = [&](Index entry, double variance) {
+    if (!std::isfinite(variance) || !(variance > 0)) return;
+    entries.push_back(entry);
+    deviations.push_back(std::sqrt(variance));
+  };
+  for (Index j = 0; j < problem->baseline_size(); ++j) add(j, of.covariance(j, j) * inflation);
+  for (const Index j : law_entries(*this))
+    add(j, std::max(of.covariance(j, j) * inflation, of.pull[static_cast<std::size_t>(j)]));
+  const auto n = static_cast<Index>(entries.size());
+  MatrixXd correlation(n, n);
+  for (Index i = 0; i < n; ++i) {
+    for (Index j = 0; j < n; ++j) {
+      const Index a = entries[static_cast<std::size_t>(i)], b = entries[static_cast<std::size_t>(j)];
+      correlation(i, j) = of.covariance(a, b) / std::sqrt(of.covariance(a, a) * of.covariance(b, b));
+    }
+  }
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> axes(correlation);
+  std::vector<Model> models;
+  for (Index k = 0; k < n; ++k) {
+    if (axes.eigenvalues()(k) < kNegligible) continue;
+    Explanation moved = copy();
+    for (Index i = 0; i < n; ++i) {
+      const auto at = static_cast<std::size_t>(i);
+      moved.v(entries[at]) += deviations[at] * std::sqrt(axes.eigenvalues()(k)) * axes.eigenvectors()(i, k);
+    }
+    moved.v = problem->clamped(std::move(moved.v));
+    models.push_back(moved.model());
+  }
+  return models;
 }
 
 Explanation explain_nothing(std::span<const Recording> recordings, const ValveFitOptions& options,

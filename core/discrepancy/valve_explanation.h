@@ -26,6 +26,9 @@ struct Explanation {
   /// what the spread of the scores over quarters of the recordings makes: a law that is not the whole physics would
   /// have other parameters in each. Source: White, Econometrica 50 (1982) 1 (sandwich), by clusters.
   std::vector<double> standard_errors(double inflation) const;
+  /// The extended model moved by one standard deviation along each direction in which recordings and good valves leave
+  /// it open: the valve's own parameters and map together with the laws'. Principal axes of their correlation.
+  std::vector<Model> moved_models(double inflation) const;
 };
 
 /// The valve alone. recordings and everything in them must outlive the explanation.

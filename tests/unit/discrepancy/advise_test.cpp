@@ -22,10 +22,15 @@ Model valve() {
   return model;
 }
 
+/// sd  of the law's parameters; empty: nothing is known of how far the model is open
 Alternative alternative(const std::string& cause, const std::vector<double>& parameters, double probability,
                         const std::vector<double>& sd = {}) {
-  Alternative a{.cause = cause, .probability = probability, .model = valve(), .parameter_sd = sd};
+  Alternative a{.cause = cause, .probability = probability, .model = valve(), .moved = {}};
   if (cause != "none") a.model.mechanisms.push_back({cause, parameters, ""});
+  for (std::size_t j = 0; j < sd.size(); ++j) {
+    a.moved.push_back(a.model);
+    a.moved.back().mechanisms.back().parameters[j] += sd[j];
+  }
   return a;
 }
 
@@ -81,12 +86,39 @@ TEST(Advise, MoreNoiseTellsLess) {
 }
 
 TEST(Advise, AParameterThatMayStillMoveTellsLessThanAKnownOne) {
-  const std::vector<Alternative> known{alternative("leakage", {0.01}, 0.5), alternative("orifice_flow", {0.004}, 0.5)};
+  const std::vector<Alternative> known{alternative("leakage", {0.01}, 0.5, {0.0}),
+                                       alternative("orifice_flow", {0.004}, 0.5, {0.0})};
   const std::vector<Alternative> loose{alternative("leakage", {0.01}, 0.5, {0.05}),
                                        alternative("orifice_flow", {0.004}, 0.5, {0.05})};
   const auto sure = advise_next_test(known, kStand), unsure = advise_next_test(loose, kStand);
   ASSERT_TRUE(sure);
   EXPECT_LT(unsure ? unsure->expected_probability : 0, sure->expected_probability - 0.1);
+}
+
+TEST(Advise, AMapThatMayStillBendTellsLessOfAnEffectThatBendsIt) {
+  std::vector<Alternative> open{alternative("static_curve", {0.004}, 0.5, {0.0005}),
+                                alternative("gain_loss", {0.998}, 0.5, {0.0005})};
+  const auto firm = advise_next_test(open, kStand);
+  for (Alternative& a : open) {
+    for (std::size_t k = 1; k < 6; ++k) {
+      a.moved.push_back(a.model);
+      a.moved.back().map->output[k] += 0.5;
+    }
+  }
+  const auto soft = advise_next_test(open, kStand);
+  ASSERT_TRUE(firm);
+  EXPECT_LT(soft ? soft->expected_probability : 0, firm->expected_probability - 0.1);
+}
+
+TEST(Advise, WhereNoTestSettlesAllTheOneThatBeatsARivalIsAskedFor) {
+  std::vector<Alternative> open{alternative("gain_loss", {0.998}, 0.49, {0.01}),
+                                alternative("gain_loss", {0.999}, 0.49, {0.01}),
+                                alternative("extra_lag", {0.02, 0}, 0.02, {0.0})};
+  const auto next = advise_next_test(open, kStand);
+  ASSERT_TRUE(next);
+  EXPECT_NEAR(next->expected_probability, 0.02, 0.005);  // that of the one whose rivals are both beaten
+  open.pop_back();
+  EXPECT_FALSE(advise_next_test(open, kStand));
 }
 
 TEST(Advise, IsTheSameEveryTime) {

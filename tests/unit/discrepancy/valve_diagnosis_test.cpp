@@ -373,6 +373,39 @@ TEST(ValveDiagnosis, AGainThatRisesFromTheStartOfARecordingOnIsNoCoilThatWarms) 
   }
 }
 
+/// The rising edge of one step and 1.8 s after it, of a valve whose population was learned from whole sessions.
+Discrepancy found_on_one_edge(const MechanismUse& hidden, int seed) {
+  constexpr std::size_t kSamples = 560;
+  const test::MadeValve valve;
+  const auto healthy = test::session(valve, kNoise_psi, seed);
+  const Population population(healthy, valve);
+  Recording step = test::step_to(valve, 1.8, kNoise_psi, static_cast<unsigned>(seed));
+  step.segments.pop_back();
+  step.segments.back().end = kSamples;
+  for (std::vector<double>* values : {&step.time_s, &step.input.values, &step.output.values}) values->resize(kSamples);
+  return diagnosed(with_cause({step}, population.model(valve), hidden), population).discrepancy;
+}
+
+TEST(ValveDiagnosis, ADelayOnTheOnlyEdgeThereIsIsNotUnexplainedForWantOfAnotherEdge) {
+  for (const int seed : {3, 4}) {
+    const Discrepancy found = found_on_one_edge({.cause = "transport_delay", .parameters = {0.012}}, seed);
+    ASSERT_EQ(found.causes.size(), 1u) << seed;
+    EXPECT_NE(found.conclusion, Conclusion::kUnexplained) << seed;
+    EXPECT_EQ(found.causes.front().cause, "transport_delay") << seed;
+    // Where the edge is held out nothing tells of the delay: it is not used there, and neither helps nor harms.
+    EXPECT_GT(found.gain.reduction, -0.01) << seed;
+  }
+}
+
+TEST(ValveDiagnosis, AGainThatIsThereFromTheFirstSecondOnIsNoCoilThatWarms) {
+  for (const int seed : {3, 4}) {
+    const Discrepancy found = found_in({.cause = "gain_loss", .parameters = {0.85}}, seed);
+    ASSERT_EQ(found.causes.size(), 1u) << seed;
+    EXPECT_EQ(found.causes.front().cause, "gain_loss") << seed;
+    EXPECT_EQ(std::ranges::count(found.causes.front().alternatives, "thermal_drift"), 0) << seed;
+  }
+}
+
 TEST(JointFits, PutALagAheadOfTheMapThoughTheSurveyHasItBehind) {
   const test::MadeValve valve;
   const auto healthy = test::session(valve, kNoise_psi, 3);
