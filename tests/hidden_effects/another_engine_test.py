@@ -44,6 +44,12 @@ class AnotherEngine(unittest.TestCase):
         self.assertEqual(self.called("full", *arguments), text)
         self.assertEqual((self.folder / "work" / "full" / "answers.jsonl").read_text(), answers)
 
+    def test_the_valves_of_the_full_suite_are_put_through_the_tests_that_are_asked_for(self):
+        seen = self.folder / "seen"
+        spy = shlex.join(["sh", "-c", f"ls $0 >> {seen}; echo nothing"]) + " {folder}"
+        self.called("full", "--healthy", "2", "--faulty", "0", "--tests", "step_up", "--engine", spy)
+        self.assertEqual({name.split("_1")[0] for name in seen.read_text().split()}, {"step_up"})
+
     def test_neither_folder_nor_recording_tells_what_is_hidden(self):
         seen = self.folder / "seen"
         spy = shlex.join(["sh", "-c", f"echo $0 >> {seen}; grep -h '^#' $0/*.csv >> {seen}; echo nothing"]) + " {folder}"

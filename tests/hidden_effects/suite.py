@@ -1,5 +1,6 @@
 """The cases of a full run, and the lines that are kept about them."""
 import concurrent.futures
+import dataclasses
 import sys
 
 import cases as drawing
@@ -23,6 +24,8 @@ class Suite:
         self.program_sha = engines.hash_of(self.program[0].read_bytes())
         self.effects, decoys = drawing.repertoire(options.build / self.stand.program)
         self.cases = drawing.drawn(options.seed, options.healthy, options.faulty, self.effects, decoys)
+        if options.tests != "full":
+            self.cases = [dataclasses.replace(case, tests=options.tests) for case in self.cases if case.plant == "valve"]
 
     def bench(self, engine=None, **reference):
         return playing.Bench(self.options.build / "valvetriage", self.options.build / self.stand.program,
