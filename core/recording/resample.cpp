@@ -16,6 +16,7 @@ constexpr double kSteepBeside = 0.2;     // unless the intervals beside it rise 
 constexpr std::size_t kSlopePoints = 5;  // of the parabola that gives the slope at the edge of a gap
 constexpr double kShortInterval = 0.5;   // of a period: stamps so close would make a cubic's noise large
 constexpr double kSmootherByRows = 1;    // times the noise in time, which interpolation can only lower
+constexpr double kRounding = 1e-6;       // of a period: a mean of intervals, many times over, is off a stamp by less
 
 /// Whether values[i] − values[i − 1] is a step on its own: a steep slope goes on beside it.
 bool is_jump(const std::vector<double>& values, std::size_t i, double least) {
@@ -67,13 +68,17 @@ struct Rows {
   const std::vector<double>& values;
   const UniformGrid& grid;
   double jump;  ///< least rise of a jump
+  double snap;  ///< of a period: a grid sample so close to a row is that row
+
+  bool is_at(double t, std::size_t i) const { return std::abs(time[i] - t) <= snap * grid.period_s; }
 
   bool is_jump_to(std::size_t i) const { return is_jump(values, i, jump); }
   bool is_gap_to(std::size_t i) const { return time[i] - time[i - 1] > kGapRatio * grid.period_s; }
   /// Straight between rows, held until a jump.
   double at(double t, std::size_t right) const {
     const double weight = std::clamp((t - time[right - 1]) / (time[right] - time[right - 1]), 0.0, 1.0);
-    if (is_jump_to(right)) return weight < 1 ? values[right - 1] : values[right];
+    if (weight == 1) return values[right];
+    if (is_jump_to(right)) return values[right - 1];
     return values[right - 1] + weight * (values[right] - values[right - 1]);
   }
 };
@@ -83,8 +88,11 @@ template <typename Read>
 void each_grid_sample(const Rows& rows, Read read) {
   std::size_t right = 1;
   for (std::size_t k = 0; k < rows.grid.size; ++k) {
-    const double t = rows.grid.start_s + static_cast<double>(k) * rows.grid.period_s;
-    while (right + 1 < rows.time.size() && rows.time[right] < t) ++right;
+    double t = rows.grid.start_s + static_cast<double>(k) * rows.grid.period_s;
+    while (right + 1 < rows.time.size() && rows.time[right] < t && !rows.is_at(t, right)) ++right;
+    for (const std::size_t i : {right - 1, right}) {
+      if (rows.is_at(t, i)) t = rows.time[i];
+    }
     read(k, t, right);
   }
 }
@@ -195,11 +203,12 @@ std::vector<double> commanded_on_grid(const Rows& rows, bool jitters) {
 }
 
 std::vector<InputJump> jumps_of(const Rows& rows) {
-  const auto& [time, values, grid, least] = rows;
+  const auto& [time, values, grid, least, snap] = rows;
   std::vector<InputJump> jumps;
   for (std::size_t i = 1; i < values.size(); ++i) {
     if (!is_jump(values, i, least)) continue;
-    const double at = (time[i] - grid.start_s) / grid.period_s;
+    double at = (time[i] - grid.start_s) / grid.period_s;
+    if (std::abs(at - std::round(at)) <= snap) at = std::round(at);
     const double interval = std::max(std::ceil(at) - 1, 0.0);
     if (interval + 1 >= static_cast<double>(grid.size)) continue;
     jumps.push_back({static_cast<std::size_t>(interval), std::clamp(at - interval, 0.0, 1.0),
@@ -223,7 +232,7 @@ InputNoise noise_of_rows(const Rows& rows, const std::vector<double>& gridded) {
   begins.push_back(rows.values.size());
   const std::vector<double> smooth = without_white_noise(rows.values, begins);
   InputNoise noise{.values = gridded, .left = white_noise(smooth)};
-  const std::vector<double> without = commanded_on_grid({rows.time, smooth, rows.grid, rows.jump}, true);
+  const std::vector<double> without = commanded_on_grid({rows.time, smooth, rows.grid, rows.jump, rows.snap}, true);
   for (std::size_t k = 0; k < without.size(); ++k) noise.values[k] -= without[k];
   return noise;
 }
@@ -232,12 +241,14 @@ InputNoise noise_of_rows(const Rows& rows, const std::vector<double>& gridded) {
 
 void resample(Recording& recording, const UniformGrid& grid, bool jitters) {
   const std::vector<double> logged = std::move(recording.input.values);
-  const Rows input{recording.time_s, logged, grid, kJumpRatio * range_of(logged)};
+  const double snap = jitters ? kRounding : kJitterRatio;
+  const Rows input{recording.time_s, logged, grid, kJumpRatio * range_of(logged), snap};
   recording.jumps = jumps_of(input);
   recording.input.values = commanded_on_grid(input, jitters);
   if (jitters) recording.input_noise = noise_of_rows(input, recording.input.values);
   const auto read = [&](std::vector<double>& values) {
-    if (!values.empty()) values = measured_on_grid({recording.time_s, values, grid, kJumpRatio * range_of(values)});
+    if (!values.empty())
+      values = measured_on_grid({recording.time_s, values, grid, kJumpRatio * range_of(values), snap});
   };
   read(recording.output.values);
   for (Channel& side : recording.side) read(side.values);

@@ -13,7 +13,6 @@
 namespace valvetriage {
 namespace {
 
-constexpr double kJitterRatio = 0.05;     ///< off the grid by more than this part of a period: 0.8 noise at a step edge
 constexpr double kIrregularShare = 0.25;  ///< of intervals far from the median: no sampling rate to speak of
 constexpr double kMostMissing = 0.5;      ///< of the grid
 
@@ -109,8 +108,9 @@ Gaps gaps_of(const std::vector<double>& time, const UniformGrid& grid) {
       gaps.valid.assign(grid.size, 1);
     }
     gaps.longest_s = std::max(gaps.longest_s, length);
-    const auto from = static_cast<std::size_t>(std::floor((time[i] - grid.start_s) / grid.period_s + 0.5)) + 1;
-    const auto to = static_cast<std::size_t>(std::floor((time[i + 1] - grid.start_s) / grid.period_s + 0.5));
+    // What lies inside is not known: held before a jump, on a straight line before anything else.
+    const auto from = static_cast<std::size_t>(std::floor((time[i] - grid.start_s) / grid.period_s + kJitterRatio)) + 1;
+    const auto to = static_cast<std::size_t>(std::ceil((time[i + 1] - grid.start_s) / grid.period_s - kJitterRatio));
     for (std::size_t k = from; k < std::min(to, grid.size); ++k) {
       gaps.valid[k] = 0;
       ++gaps.missing;

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -157,6 +158,65 @@ TEST(Resample, RowsBesideGapsOfAUniformClockStayAsTheyAre) {
   for (std::size_t i = 0; i < whole.size(); ++i) {
     if (!recording.is_valid(i)) continue;
     ASSERT_NEAR(recording.input.values[i], whole[i], 1e-12) << i;
+  }
+}
+
+/// A command that steps at 200 and a reading that falls by a tenth of its range from sample to sample from then on.
+RawRecording steep_fall(double period_s) {
+  Signal u(400, 2.0), y(400, 209.0);
+  for (std::size_t i = 200; i < u.size(); ++i) {
+    u[i] = 1;
+    y[i] = 209 * std::exp(-0.1 * static_cast<double>(i - 200));
+  }
+  add_noise(y, 0.3, 5);
+  RawRecording raw = raw_of(u, y);
+  for (std::size_t i = 0; i < u.size(); ++i) raw.time.values[i] = 0.3 + period_s * static_cast<double>(i);
+  return raw;
+}
+
+void lose_rows(RawRecording& raw, std::size_t first, std::size_t last) {
+  for (Signal* column : {&raw.time.values, &raw.input.values, &raw.output.values}) {
+    column->erase(column->begin() + static_cast<std::ptrdiff_t>(first),
+                  column->begin() + static_cast<std::ptrdiff_t>(last));
+  }
+}
+
+TEST(Resample, WhatIsReadBehindLostRowsOfASteepFallIsThatRow) {
+  for (const double period_s : {0.005, 0.002, 0.001, 1.0 / 300, 1.0 / 4096}) {
+    const RawRecording whole = steep_fall(period_s);
+    RawRecording raw = whole;
+    lose_rows(raw, 215, 218);
+    lose_rows(raw, 203, 208);
+    const Recording recording = prepared(std::move(raw));
+    ASSERT_EQ(recording.samples(), 400u) << period_s;
+    for (std::size_t i = 0; i < 400; ++i) {
+      EXPECT_EQ(recording.is_valid(i), !(i >= 203 && i < 208) && !(i >= 215 && i < 218)) << period_s << ", " << i;
+      if (!recording.is_valid(i)) continue;
+      ASSERT_EQ(recording.output.values[i], whole.output.values[i]) << period_s << ", " << i;
+      ASSERT_EQ(recording.input.values[i], whole.input.values[i]) << period_s << ", " << i;
+    }
+    const auto stepped = std::ranges::find(recording.segments, SegmentKind::kStep, &Segment::kind);
+    ASSERT_NE(stepped, recording.segments.end()) << period_s;
+    EXPECT_EQ(stepped->begin, 200u) << period_s;
+  }
+}
+
+TEST(Resample, OfAJitteringClockNoSampleInsideAGapIsKnown) {
+  constexpr std::size_t kSamples = 400;
+  for (const unsigned seed : {1u, 2u, 3u}) {
+    RawRecording raw = steep_fall(kPeriod_s);
+    raw.time.values = jittering_stamps(kSamples, seed);
+    const double before_s = raw.time.values[202], behind_s = raw.time.values[208];
+    lose_rows(raw, 203, 208);
+    const Recording recording = prepared(std::move(raw));
+    const Signal grid = grid_of(recording);
+    for (std::size_t k = 0; k < recording.samples(); ++k) {
+      const double inside = 0.05 * recording.sample_period_s;
+      const bool is_inside = grid[k] > before_s + inside && grid[k] < behind_s - inside;
+      const bool is_outside = grid[k] < before_s || grid[k] > behind_s;
+      EXPECT_FALSE(is_inside && recording.is_valid(k)) << seed << ", " << k;
+      EXPECT_FALSE(is_outside && !recording.is_valid(k)) << seed << ", " << k;
+    }
   }
 }
 
