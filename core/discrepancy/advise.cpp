@@ -21,10 +21,10 @@ using Eigen::VectorXd;
 
 constexpr std::size_t kMostAlternatives = 8;
 constexpr double kSettled = 0.95;  // posterior that the contract calls settled
-constexpr double kWorthAsking =
-    0.05;                        // of settling the question, or of beating a rival: below, no test is worth its time
-constexpr double kEqual = 0.01;  // tests whose worth differs by a smaller share are equal
-constexpr double kFree = 1e4;    // a freedom of the baseline: so many noise rms per sample that nothing is left
+// Chance of settling the question, or of beating a rival: below, no test of the repertoire is worth its time.
+constexpr double kWorthAsking = 0.05;
+constexpr double kEqual = 0.01;      // tests whose worth differs by a smaller share are equal
+constexpr double kFree = 1e4;        // a freedom of the baseline: so many noise rms per sample that nothing is left
 constexpr double kBiasSamples = 20;  // samples over which a model's bias is one and the same
 
 /// One test of the repertoire.
@@ -174,14 +174,14 @@ struct Worth {
 
 std::optional<Worth> worth_of(std::span<const Alternative* const> rivals, const Play& play,
                               const AdviceOptions& options) {
-  const double variance = options.noise_rms * options.noise_rms + kBiasSamples * options.bias_rms * options.bias_rms;
-  const double noise = std::sqrt(variance);
   std::vector<Run> runs;
   for (const Alternative* rival : rivals) {
     auto run = run_of(*rival, play, options);
     if (!run) return std::nullopt;
     runs.push_back(std::move(*run));
   }
+  const double variance = options.noise_rms * options.noise_rms + kBiasSamples * options.bias_rms * options.bias_rms;
+  const double noise = std::sqrt(variance);
   MatrixXd d = MatrixXd::Zero(static_cast<Index>(runs.size()), static_cast<Index>(runs.size()));
   Worth worth{.duration_s = static_cast<double>(play.input.size()) / options.sample_rate_hz,
               .least_distance = std::numeric_limits<double>::infinity()};

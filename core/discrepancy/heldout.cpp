@@ -211,9 +211,7 @@ double price_of(const Explanation& explanation) {
 struct Compared {
   VectorXd baseline;  ///< errors of the baseline, fold after fold
   double extended = 0;
-  /// Cost of the folds by what the kept samples foretell, its own uncertainty included, in noise variances: that of the
-  /// whole fit less that without them. Dawid, J. Royal Statistical Society A 147 (1984) 278.
-  double surprise_of_baseline = 0, surprise_of_extended = 0;
+  double surprise = 0;  ///< as MeasuredGain's
 };
 
 Compared compare(const Explanation& baseline, const Explanation& extended, const Refit& before, const Refit& after,
@@ -221,8 +219,7 @@ Compared compare(const Explanation& baseline, const Explanation& extended, const
   const Refit::Without plain = before.without(folds), rich = after.without(folds);
   const bool pays = !extended.laws.empty() && rich.cost + price_of(extended) < plain.cost;
   Compared compared;
-  compared.surprise_of_baseline = baseline.cost - plain.cost;
-  compared.surprise_of_extended = extended.cost - rich.cost;
+  compared.surprise = (extended.cost - rich.cost) - (baseline.cost - plain.cost);
   for (const Fold& fold : folds) {
     const ValveFitProblem::Rows& rows = before.rows()[fold.recording];
     const VectorXd errors = errors_on(*baseline.problem, plain.v, fold, rows);
@@ -365,8 +362,7 @@ std::vector<Transfer> transfers(const Explanation& baseline, const Explanation& 
 }
 
 struct FoldScore {
-  double baseline = 0, extended = 0, samples = 0;
-  double surprise_of_baseline = 0, surprise_of_extended = 0;
+  double baseline = 0, extended = 0, samples = 0, surprise = 0;
 };
 
 double reduction_of(const std::vector<FoldScore>& scores, const std::vector<std::size_t>& chosen) {
@@ -407,8 +403,8 @@ Measured measure(const Explanation& baseline, const Explanation& extended, const
   measured.folds = folds_of(before.rows(), measured.whole);
   for (const Fold& fold : measured.folds) {
     Compared compared = compare(baseline, extended, before, after, std::span(&fold, 1));
-    measured.scores.push_back({compared.baseline.squaredNorm(), compared.extended, static_cast<double>(fold.count),
-                               compared.surprise_of_baseline, compared.surprise_of_extended});
+    measured.scores.push_back(
+        {compared.baseline.squaredNorm(), compared.extended, static_cast<double>(fold.count), compared.surprise});
     measured.errors.push_back(std::move(compared.baseline));
   }
   return measured;
@@ -430,8 +426,7 @@ MeasuredGain measure_gain(const Explanation& baseline, const Explanation& extend
     squares_extended += score.extended;
     floor += score.samples / baseline.problem->inverse_variance(measured.folds[f].recording);
     samples += score.samples;
-    both.surprise_of_baseline += score.surprise_of_baseline;
-    both.surprise_of_extended += score.surprise_of_extended;
+    both.surprise += score.surprise;
   }
   if (samples == 0) return both;
   gain.rmse_baseline = std::sqrt(squares_baseline / samples);

@@ -8,9 +8,11 @@ namespace valvetriage {
 /// How well held-out samples bear an explanation out.
 struct MeasuredGain {
   DiscrepancyGain gain;
-  /// Cost of the held-out samples by what the kept ones foretell, its own uncertainty included [noise variances]: where
-  /// the only edge of a recording is held out, what is left tells little of it and is little wrong.
-  double surprise_of_baseline = 0, surprise_of_extended = 0;
+  /// By how much less the explanation foresees held-out samples than the baseline [noise variances]. Each by the cost
+  /// of the whole fit less that without them, which has the uncertainty of what the kept samples foretell in it: where
+  /// the only edge of a recording is held out, they tell little of it and are little wrong. Dawid, J. Royal Statistical
+  /// Society A 147 (1984) 278.
+  double surprise = 0;
 };
 
 /// What an explanation gains on samples that took no part in its fit.

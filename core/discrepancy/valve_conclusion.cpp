@@ -604,8 +604,8 @@ bool is_explained(const Grounds& grounds, const LinearisedValve& linear, const L
   if (comes_and_goes(grounds, linear)) return false;
   // What makes samples that it was not fitted to worse is not what happened, however well it fits the others; unless
   // the others tell too little of it to say.
-  const double surprise = heldout.surprise_of_extended - heldout.surprise_of_baseline;
-  if (heldout.gain.reduction < -kMostHarm && surprise > kMostSurprise * grounds.inflation) return false;
+  const bool is_unforeseen = heldout.surprise > kMostSurprise * grounds.inflation;
+  if (heldout.gain.reduction < -kMostHarm && is_unforeseen) return false;
 
   const double noise = noise_cost(explanation);
   const bool is_loud = explanation.cost > kLoud * std::max(noise, leftover.at_rest * linear.samples());

@@ -80,6 +80,11 @@ std::vector<Index> law_entries(const Explanation& explanation) {
 struct Uncertainty {
   MatrixXd covariance;       ///< in noise of unit variance
   std::vector<double> pull;  ///< variance of the sandwich, by entry
+
+  /// Of an entry of a law. Of noise that many times louder, or of the sandwich, whichever is more.
+  double of_law(Index entry, double inflation) const {
+    return std::max(covariance(entry, entry) * inflation, pull[static_cast<std::size_t>(entry)]);
+  }
 };
 
 Uncertainty uncertainty_of(const Explanation& explanation) {
@@ -115,7 +120,7 @@ std::vector<double> Explanation::standard_errors(double inflation) const {
   const Uncertainty of = uncertainty_of(*this);
   std::vector<double> errors;
   for (const Index entry : law_entries(*this)) {
-    const double variance = std::max(of.covariance(entry, entry) * inflation, of.pull[static_cast<std::size_t>(entry)]);
+    const double variance = of.of_law(entry, inflation);
     errors.push_back(variance > 0 ? std::sqrt(variance) : std::numeric_limits<double>::quiet_NaN());
   }
   return errors;
@@ -132,8 +137,7 @@ std::vector<Model> Explanation::moved_models(double inflation) const {
     deviations.push_back(std::sqrt(variance));
   };
   for (Index j = 0; j < problem->baseline_size(); ++j) add(j, of.covariance(j, j) * inflation);
-  for (const Index j : law_entries(*this))
-    add(j, std::max(of.covariance(j, j) * inflation, of.pull[static_cast<std::size_t>(j)]));
+  for (const Index j : law_entries(*this)) add(j, of.of_law(j, inflation));
   const auto n = static_cast<Index>(entries.size());
   MatrixXd correlation(n, n);
   for (Index i = 0; i < n; ++i) {
@@ -143,10 +147,11 @@ std::vector<Model> Explanation::moved_models(double inflation) const {
     }
   }
   const Eigen::SelfAdjointEigenSolver<MatrixXd> axes(correlation);
+  Explanation moved = copy();
   std::vector<Model> models;
   for (Index k = 0; k < n; ++k) {
     if (axes.eigenvalues()(k) < kNegligible) continue;
-    Explanation moved = copy();
+    moved.v = v;
     for (Index i = 0; i < n; ++i) {
       const auto at = static_cast<std::size_t>(i);
       moved.v(entries[at]) += deviations[at] * std::sqrt(axes.eigenvalues()(k)) * axes.eigenvectors()(i, k);

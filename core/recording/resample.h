@@ -13,9 +13,9 @@ struct UniformGrid {
   std::size_t size = 0;
 };
 
-inline constexpr double kGapRatio = 1.5;      ///< an interval above this many periods holds a missing sample
-inline constexpr double kJitterRatio = 0.05;  ///< off the grid by more than this part of a period: 0.8 noise at a step
-                                              ///< edge
+inline constexpr double kGapRatio = 1.5;  ///< an interval above this many periods holds a missing sample
+/// Off the grid by more than this part of a period a clock jitters: 0.8 noise at a step edge.
+inline constexpr double kJitterRatio = 0.05;
 
 /// Reads a recording whose channels hold a value for each of its own stamps on a uniform grid: sets `jumps` and
 /// `input_noise`.

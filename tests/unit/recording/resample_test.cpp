@@ -148,12 +148,17 @@ TEST(Resample, AReadingThatIsClippedOrStandsStillIsSoOnTheGrid) {
   EXPECT_EQ(*std::max_element(recording.output.values.begin(), recording.output.values.end()), 130.0);
 }
 
+void lose_rows(RawRecording& raw, std::size_t first, std::size_t last) {
+  for (Signal* column : {&raw.time.values, &raw.input.values, &raw.output.values}) {
+    column->erase(column->begin() + static_cast<std::ptrdiff_t>(first),
+                  column->begin() + static_cast<std::ptrdiff_t>(last));
+  }
+}
+
 TEST(Resample, RowsBesideGapsOfAUniformClockStayAsTheyAre) {
   RawRecording raw = recorded(swept_sine_of(4000), 11);
   const Signal whole = raw.input.values;
-  for (Signal* column : {&raw.time.values, &raw.input.values, &raw.output.values}) {
-    column->erase(column->begin() + 2000, column->begin() + 2003);
-  }
+  lose_rows(raw, 2000, 2003);
   const Recording recording = prepared(std::move(raw));
   for (std::size_t i = 0; i < whole.size(); ++i) {
     if (!recording.is_valid(i)) continue;
@@ -172,13 +177,6 @@ RawRecording steep_fall(double period_s) {
   RawRecording raw = raw_of(u, y);
   for (std::size_t i = 0; i < u.size(); ++i) raw.time.values[i] = 0.3 + period_s * static_cast<double>(i);
   return raw;
-}
-
-void lose_rows(RawRecording& raw, std::size_t first, std::size_t last) {
-  for (Signal* column : {&raw.time.values, &raw.input.values, &raw.output.values}) {
-    column->erase(column->begin() + static_cast<std::ptrdiff_t>(first),
-                  column->begin() + static_cast<std::ptrdiff_t>(last));
-  }
 }
 
 TEST(Resample, WhatIsReadBehindLostRowsOfASteepFallIsThatRow) {
