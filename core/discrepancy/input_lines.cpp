@@ -10,8 +10,11 @@
 #include <limits>
 #include <numbers>
 #include <optional>
+#include <set>
 
+#include "core/discrepancy/evidence.h"
 #include "core/discrepancy/tones.h"
+#include "core/discrepancy/valve_contest.h"
 
 namespace valvetriage {
 namespace {
@@ -28,26 +31,29 @@ constexpr double kOverNeighbours = 4;
 // That the output does not follow it: what the squared error of a recording loses without it, in noise variances. The
 // line itself is certain, so no search is paid for: χ² of two freedoms at 1e-2.
 constexpr double kInResidual = 9.2;
-// A jump of the input ends a straight stretch: this many of the median step.
+// What is a jump of the input: this many of the median step.
 constexpr double kJump = 12;
 constexpr std::size_t kShortestStretch = 16;
 // Variance beside the line over that of the fast noise: 1 where the input rests or goes straight.
 constexpr double kAtRest = 2;
 
-/// First samples of the stretches without a jump, and the end.
-std::vector<std::size_t> stretches_of(const std::vector<double>& input) {
+/// First samples of the stretches that go straight, by jumps of the input and by the corners of its ramps, and the end.
+std::vector<std::size_t> stretches_of(const Recording& recording) {
+  const std::vector<double>& input = recording.input.values;
   std::vector<double> steps;
   for (std::size_t i = 1; i < input.size(); ++i) steps.push_back(std::abs(input[i] - input[i - 1]));
   std::vector<double> sorted = steps;
   const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
   std::nth_element(sorted.begin(), middle, sorted.end());
   const double jump = kJump * std::max(*middle, 1e-12);
-  std::vector<std::size_t> first{0};
+  std::set<std::size_t> first{0, input.size()};
   for (std::size_t i = 0; i < steps.size(); ++i) {
-    if (steps[i] > jump) first.push_back(i + 1);
+    if (steps[i] > jump) first.insert(i + 1);
   }
-  first.push_back(input.size());
-  return first;
+  for (const Segment& segment : recording.segments) {
+    if (segment.kind == SegmentKind::kRamp) first.insert({segment.begin, segment.end});
+  }
+  return {first.begin(), first.end()};
 }
 
 /// Σ over the stretches of what a sine and a cosine share with the input, straight lines taken off each.
@@ -88,7 +94,7 @@ struct SeenLine {
 };
 
 SeenLine line_in(const Recording& recording, double frequency_hz) {
-  const std::vector<std::size_t> first = stretches_of(recording.input.values);
+  const std::vector<std::size_t> first = stretches_of(recording);
   LineSums sums;
   for (std::size_t s = 0; s + 1 < first.size(); ++s) {
     if (first[s + 1] - first[s] < kShortestStretch) continue;
@@ -102,6 +108,88 @@ SeenLine line_in(const Recording& recording, double frequency_hz) {
   const bool at_rest = left < kAtRest * sums.fast / sums.fasts;
   if (!at_rest || !(left > 0)) return {};
   return {explained / left, amplitude};
+}
+
+/// What is taken for the same amplitude and phase: within this share of it, and these standard errors.
+constexpr double kAlike = 0.3, kErrors = 2;
+
+/// A line that the output does not follow, as its residual shows it.
+struct Unfollowed {
+  double frequency_hz = 0;
+  Eigen::Vector2d amplitude = Eigen::Vector2d::Zero();  ///< of a sine and a cosine
+  double evidence = 0;                                  ///< what the squared error loses without it [noise variances]
+
+  bool is(const Eigen::Vector2d& seen) const {
+    return (seen - amplitude).norm() < amplitude.norm() * (kAlike + kErrors / std::sqrt(evidence));
+  }
+};
+
+/// A mean over an odd number of samples around each, twice; those at the ends stay as they are.
+std::vector<double> smoothed(std::vector<double> values, std::size_t length) {
+  for (int pass = 0; pass < 2; ++pass) {
+    std::vector<double> sums(values.size() + 1, 0.0);
+    for (std::size_t i = 0; i < values.size(); ++i) sums[i + 1] = sums[i] + values[i];
+    for (std::size_t i = length / 2; i + length / 2 < values.size(); ++i) {
+      const std::size_t first = i - length / 2;
+      values[i] = (sums[first + length] - sums[first]) / static_cast<double>(length);
+    }
+  }
+  return values;
+}
+
+/// The line in the log of an input whose own motion is now slower, now faster: rid of what is far faster, by a cubic, a
+/// sine and a cosine in windows of a few periods. Where the motion passes the line's frequency a window shows anything;
+/// but two windows that show this line, and more than show none, are no chance.
+std::optional<Eigen::Vector2d> seen_in_windows(const Recording& recording, const Unfollowed& line) {
+  constexpr double kPeriods = 3, kSmoothing = 0.6;
+  constexpr Index kColumns = 6;  // 1, t, t², t³, sine, cosine
+  const double rad = 2 * std::numbers::pi * line.frequency_hz * recording.sample_period_s;
+  const double period = 2 * std::numbers::pi / rad;
+  const std::size_t length = 2 * static_cast<std::size_t>(0.5 * kSmoothing * period) + 1;
+  const std::vector<double> input = smoothed(recording.input.values, length);
+  const double of_mean =
+      std::sin(0.5 * static_cast<double>(length) * rad) / (static_cast<double>(length) * std::sin(0.5 * rad));
+  const double gain = of_mean * of_mean;
+  const auto window = std::max<Index>(2 * kColumns, std::lround(kPeriods * period));
+  const auto samples = static_cast<Index>(input.size());
+  Eigen::Vector2d sum(0, 0);
+  int alike = 0, none = 0;
+  for (auto first = static_cast<Index>(length); first + window + static_cast<Index>(length) <= samples;
+       first += window / 2) {
+    MatrixXd columns(window, kColumns);
+    for (Index i = 0; i < window; ++i) {
+      const double t = 2 * static_cast<double>(i) / static_cast<double>(window - 1) - 1;
+      const double phase = rad * static_cast<double>(first + i);
+      columns.row(i) << 1, t, t * t, t * t * t, gain * std::sin(phase), gain * std::cos(phase);
+    }
+    const VectorXd there = columns.householderQr().solve(Eigen::Map<const VectorXd>(input.data() + first, window));
+    const Eigen::Vector2d amplitude = there.tail<2>();
+    if (line.is(amplitude)) {
+      sum += amplitude;
+      ++alike;
+    } else if (amplitude.norm() < 0.5 * line.amplitude.norm()) {
+      ++none;
+    }
+  }
+  if (alike < 2 || alike <= none) return std::nullopt;
+  return sum / alike;
+}
+
+/// The same where all that moves are lines of a periodic input, between which it stands: under Hann's window.
+std::optional<Eigen::Vector2d> seen_between_lines(const Recording& recording, const Unfollowed& line) {
+  const auto n = static_cast<double>(recording.samples());
+  const double rad = 2 * std::numbers::pi * line.frequency_hz * recording.sample_period_s;
+  Eigen::Matrix3d a = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d b = Eigen::Vector3d::Zero();
+  for (std::size_t i = 0; i < recording.samples(); ++i) {
+    const double at = static_cast<double>(i);
+    const double weight = 0.5 - 0.5 * std::cos(2 * std::numbers::pi * (at + 0.5) / n);
+    const Eigen::Vector3d column(1, std::sin(rad * at), std::cos(rad * at));
+    a += weight * column * column.transpose();
+    b += weight * recording.input.values[i] * column;
+  }
+  const Eigen::Vector2d amplitude = a.ldlt().solve(b).tail<2>();
+  return line.is(amplitude) ? std::optional(amplitude) : std::nullopt;
 }
 
 /// Whether it is there at the 1e-4 level, and no wander.
@@ -200,20 +288,21 @@ Stack only(const Stack& all, std::size_t recording) {
 
 /// How much of a line the output does not follow, and what the squared error loses without it [noise variances]: by
 /// least squares beside what the valve's own parameters make of it, for the fit has gone along with the line.
+///
+/// most  a valve that sees nothing of the line leaves all of it, there is no more: as far as its size is known
 struct Share {
   Eigen::Vector2d of_line = Eigen::Vector2d::Zero();  ///< of the line itself, and of it a quarter of a period later
   double evidence = 0;
 };
 
-Share share_of(const LinearisedValve& fit, const Stack& straight, const Stack& quarter) {
+Share share_of(const LinearisedValve& fit, const Stack& straight, const Stack& quarter, double most = 1) {
   const auto signatures = fit.signatures({straight, quarter});
   const double across = fit.product(signatures[0], signatures[1]);
   Eigen::Matrix2d products;
   products << fit.product(signatures[0], signatures[0]), across, across, fit.product(signatures[1], signatures[1]);
   const Eigen::Vector2d with_error(fit.against_error(signatures[0]), fit.against_error(signatures[1]));
   Share share{.of_line = products.ldlt().solve(with_error)};
-  // A valve that sees nothing of the line leaves all of it: there is no more.
-  share.of_line /= std::max(1.0, share.of_line.norm());
+  share.of_line /= std::max(1.0, share.of_line.norm() / most);
   share.evidence = 2 * share.of_line.dot(with_error) - share.of_line.dot(products * share.of_line);
   return share;
 }
@@ -264,6 +353,40 @@ std::optional<InputLine> line_behind(const LinearisedValve& fit, const ValveFitO
   return line;
 }
 
+/// The same where too few inputs rest or go straight to be sure of a line: the one that the residual of the others
+/// shows as one which the output does not follow must be the one that their log has, in amplitude and phase.
+std::optional<InputLine> line_in_motion(const LinearisedValve& fit, const ValveFitOptions& options,
+                                        double frequency_hz) {
+  // Of the range of inputs: small enough for the valve's answer to be in proportion.
+  constexpr double kProbe = 1e-3;
+  const ValveFitProblem& problem = fit.problem();
+  const double probe_a = kProbe * (options.knots.back() - options.knots.front());
+  InputLine line{.frequency_hz = frequency_hz,
+                 .amplitude = std::vector<Eigen::Vector2d>(problem.recordings(), Eigen::Vector2d(probe_a, 0))};
+  const Stack straight = effect_of(fit, options, line), quarter = effect_of(fit, options, turned(line));
+  const double inflation = noise_inflation(fit.error());
+  for (std::size_t r = 0; r < problem.recordings(); ++r) {
+    const Recording& recording = problem.recording(r);
+    const Share share = share_of(fit, only(straight, r), only(quarter, r), std::numeric_limits<double>::infinity());
+    const Unfollowed unfollowed{frequency_hz, times(line.amplitude[r], share.of_line), share.evidence / inflation};
+    line.amplitude[r].setZero();
+    const bool is_swept = std::ranges::any_of(
+        recording.segments, [](const Segment& segment) { return segment.kind == SegmentKind::kSweep; });
+    if (!is_swept) {
+      const SeenLine at_rest = line_in(recording, frequency_hz);
+      if (at_rest.statistic >= kInInput) line.amplitude[r] = at_rest.amplitude;
+      continue;
+    }
+    if (unfollowed.evidence < kLeastEvidence) continue;
+    auto seen = seen_in_windows(recording, unfollowed);
+    if (!seen) seen = seen_between_lines(recording, unfollowed);
+    if (!seen) continue;
+    line.amplitude[r] = *seen;
+    line.evidence += unfollowed.evidence;
+  }
+  return line.evidence > 0 ? std::optional(line) : std::nullopt;
+}
+
 }  // namespace
 
 bool stands_in_input(const ValveFitProblem& problem, double frequency_hz) {
@@ -275,8 +398,8 @@ bool stands_in_input(const ValveFitProblem& problem, double frequency_hz) {
 CleanInputs without_aliased_lines(const LinearisedValve& fit, const ValveFitOptions& options) {
   CleanInputs clean;
   for (const double frequency_hz : candidates(fit)) {
-    if (!stands_in_input(fit.problem(), frequency_hz)) continue;
-    const auto line = line_behind(fit, options, frequency_hz);
+    const auto line = stands_in_input(fit.problem(), frequency_hz) ? line_behind(fit, options, frequency_hz)
+                                                                   : line_in_motion(fit, options, frequency_hz);
     if (!line) continue;
     if (clean.recordings.empty()) {
       for (std::size_t r = 0; r < fit.error().size(); ++r) clean.recordings.push_back(fit.problem().recording(r));

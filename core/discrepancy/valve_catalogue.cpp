@@ -20,7 +20,7 @@ constexpr double kAtTheStop = 0.02;
 // An abrupt change is looked for at this many instants of each recording; the fit moves them.
 constexpr int kInstants = 24;
 // Of a recording's energy, on either side of such an instant.
-constexpr double kEnergyBesideInstant = 0.1;
+constexpr double kEnergyBesideInstant = 0.03;
 
 double quantile_of_readings(const LinearisedValve& fit, double share) {
   std::vector<double> readings;
@@ -102,7 +102,8 @@ void add_tones(const LinearisedValve& fit, const LawInFit& law, std::vector<LawV
 }
 
 /// How near to a rest a cycle's own level lies and how far it reaches are nobody's guess: a few of each, with the
-/// frequency and the amplitude that were seen at the rest. Its phase is followed in the reading.
+/// frequency and the amplitude that were seen at the rest. Where nothing rests, a cycle that reaches far around one of
+/// the levels that are there is as good an account of a tone as a disturbance. Its phase is followed in the reading.
 void add_hunting(const LinearisedValve& fit, const MechanismScales& scales, const LawInFit& law,
                  std::vector<LawVariant>& variants) {
   constexpr double kGrowth_per_s = 10;
@@ -114,6 +115,16 @@ void add_hunting(const LinearisedValve& fit, const MechanismScales& scales, cons
         variant.starts.push_back({tone.frequency_hz * (1 + tone.slope * beside), tone.amplitude / at_rest,
                                   tone.level + beside * scales.output_range, width * scales.output_range, tone.slope,
                                   kGrowth_per_s, 0.0});
+      }
+    }
+  }
+  if (variant.starts.empty()) {
+    for (const Tone& tone : strongest_tones(fit, kHuntingTones)) {
+      if (stands_in_input(fit.problem(), tone.frequency_hz)) continue;
+      for (const double share : {0.25, 0.5, 0.75}) {
+        const double level = scales.output_low + share * (scales.output_high - scales.output_low);
+        variant.starts.push_back(
+            {tone.frequency_hz, tone.amplitude, level, 0.35 * scales.output_range, 0.0, kGrowth_per_s, 0.0});
       }
     }
   }

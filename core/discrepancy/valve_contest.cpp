@@ -14,6 +14,7 @@
 #include "core/discrepancy/heldout.h"
 #include "core/discrepancy/joint_fits.h"
 #include "core/discrepancy/leftover.h"
+#include "core/discrepancy/own_parameters.h"
 #include "core/discrepancy/slip_search.h"
 #include "core/discrepancy/valve_catalogue.h"
 
@@ -51,8 +52,8 @@ constexpr double kClearlyMore = 1.2 * 1.2;
 constexpr double kClearlyMoreInFamily = 1.5 * 1.5;
 // What one good valve in a hundred has tells nothing between two causes, and what it has not is worth a fit.
 constexpr double kRareInGoodValves = 0.01;
-// The leftover and the laws are two tests of the same valve.
-constexpr double kLeftoverTests = 2;
+// What is left, where the valve's own parameters lie, and the laws are three tests of the same valve.
+constexpr double kTestsOfAValve = 3;
 constexpr double kRivalShare = 0.25;
 // Of a returned valve nothing is known before its tests: as likely a fault as none.
 constexpr double kOddsOfAFault = 1;
@@ -210,9 +211,18 @@ void keep_better(Survey other, double offset, Survey& survey) {
   });
 }
 
-/// Whether what is left without any law is more than good valves leave, as surely as a name asks for.
+/// Probability that a good valve leaves as much, or, where nothing is found yet and a fit may have taken a fault up in
+/// them, has as unusual parameters of its own: the rarer of both.
+double p_value_of_valve(const LinearisedValve& linear, bool may_be_taken_up, double inflation,
+                        const ValveDiagnosisOptions& options) {
+  const double of_leftover = leftover_of(linear, options).p_value;
+  if (!may_be_taken_up) return of_leftover;
+  return std::min(of_leftover, own_parameters_of(linear.at(), linear.errors(inflation), options).p_value);
+}
+
+/// Whether the valve without any law is no good valve, as surely as a name asks for.
 bool is_unlike_good_valves(const Contest& contest) {
-  return kLeftoverTests * contest.p_value_beside <= kNamedFalseAlarm;
+  return kTestsOfAValve * contest.p_value_beside <= kNamedFalseAlarm;
 }
 
 /// Whether a law may lower the cost by as much, by what is forecast or simulated, which are seldom off by more.
@@ -500,11 +510,12 @@ Ranked ranked_fit(const Tested& tested, const Explanation& beside, const Stack& 
   }
   r.stands_out = laws * r.p_value <= kNamedFalseAlarm;
   if (!r.stands_out && is_unlike_good_valves(contest) && r.p_value <= kRareInGoodValves &&
-      leftover_of(LinearisedValve(*fitted.problem, fitted.v), options).p_value > kRareInGoodValves) {
-    // No good valve leaves what this one does, and with the law it leaves what they do: that something is wrong need
-    // not be shown once more by the law alone, only that good valves do not show as much of it.
+      p_value_of_valve(LinearisedValve(*fitted.problem, fitted.v), beside.laws.empty(), contest.inflation, options) >
+          kRareInGoodValves) {
+    // No good valve is like this one, and with the law it is like them: that something is wrong need not be shown once
+    // more by the law alone, only that good valves do not show as much of it.
     r.stands_out = true;
-    r.p_value = std::min(r.p_value, kLeftoverTests * contest.p_value_beside / laws);
+    r.p_value = std::min(r.p_value, kTestsOfAValve * contest.p_value_beside / laws);
   }
   return r;
 }
@@ -722,7 +733,7 @@ Contest hold_contest(const Explanation& beside, const ValveDiagnosisOptions& opt
   contest.survey = survey_all(linear, beside, bent, options);
   const double laws = static_cast<double>(contest.survey.tested.size());
   contest.samples = linear.samples();
-  contest.p_value_beside = leftover_of(linear, options).p_value;
+  contest.p_value_beside = p_value_of_valve(linear, beside.laws.empty(), inflation, options);
 
   JointFits joint{.lowest = beside.cost};
   fit_jointly(in_the_race(contest.survey, least_gain, options), beside, bent, joint);

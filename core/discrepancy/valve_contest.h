@@ -60,7 +60,8 @@ struct Contest {
   std::vector<Explanation> rivals;  ///< of the others, those that were fitted together with the valve
   Survey survey;
   double inflation = 1, samples = 0;  ///< of the comparison
-  double p_value_beside = 1;          ///< of what is left without any of them in a good valve
+  double p_value_beside = 1;          ///< in a good valve, of what is left without any of them and of what a fit may
+                                      ///< have taken up
 };
 
 /// Surveys the laws beside an explanation and lets the best of them compete in joint fits. Laws of a family that is in

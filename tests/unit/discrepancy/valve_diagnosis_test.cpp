@@ -155,6 +155,43 @@ TEST(ValveDiagnosis, ALineThatOnlyTheLogOfTheInputHasIsNoDisturbance) {
   EXPECT_NEAR(std::stod(what.substr(before.size())), 0.002, 0.0004) << what;
 }
 
+TEST(ValveDiagnosis, ALineInTheLogOfARampIsSeenAsOneOfARestIs) {
+  const test::MadeValve valve;
+  const std::vector<Recording> healthy{test::step_to(valve, 1.8, kNoise_psi, 5), test::triangle(valve, kNoise_psi, 6)};
+  const Discrepancy found = diagnosed(with_line_in_log(healthy, 0.002), Population(healthy, valve)).discrepancy;
+  EXPECT_EQ(found.conclusion, Conclusion::kNone) << (found.causes.empty() ? "" : found.causes.front().cause);
+  ASSERT_FALSE(found.findings.empty());
+  EXPECT_EQ(found.findings.front().where, "input");
+}
+
+TEST(ValveDiagnosis, ALineInTheLogOfASweepIsSeenWhereTheSweepIsSlowerOrFaster) {
+  const test::MadeValve valve;
+  const std::vector<Recording> healthy{test::sweep(valve, kNoise_psi, 5)};
+  const Discrepancy found = diagnosed(with_line_in_log(healthy, 0.001), Population(healthy, valve)).discrepancy;
+  EXPECT_EQ(found.conclusion, Conclusion::kNone) << (found.causes.empty() ? "" : found.causes.front().cause);
+  ASSERT_FALSE(found.findings.empty());
+  EXPECT_EQ(found.findings.front().where, "input");
+  EXPECT_TRUE(found.findings.front().what.starts_with("a line of 1.7 Hz")) << found.findings.front().what;
+}
+
+TEST(ValveDiagnosis, AToneInASweepOverFewLevelsMayBeHuntingAsWellAsADisturbance) {
+  const test::MadeValve valve;
+  std::vector<Recording> recordings{test::sweep(valve, kNoise_psi, 5)};
+  const Population population(recordings, valve);
+  for (std::size_t i = 0; i < recordings.front().samples(); ++i) {
+    recordings.front().output.values[i] += 0.4 * std::sin(2 * std::numbers::pi * 1.7 * 0.005 * static_cast<double>(i));
+  }
+  const Discrepancy found = diagnosed(recordings, population).discrepancy;
+  ASSERT_EQ(found.conclusion, Conclusion::kAmbiguous);
+  std::vector<std::string> causes = found.causes.front().alternatives;
+  causes.push_back(found.causes.front().cause);
+  for (const char* cause : {"periodic_disturbance", "self_oscillation"}) {
+    EXPECT_NE(std::find(causes.begin(), causes.end(), cause), causes.end()) << cause;
+  }
+  // The log has no such line: it is the output's.
+  for (const Finding& finding : found.findings) EXPECT_NE(finding.where, "input") << finding.what;
+}
+
 TEST(ValveDiagnosis, AWeakLineInTheLogIsTakenOffThoughTheOutputHasStrongerOnesOfItsOwn) {
   const test::MadeValve valve;
   const auto healthy = test::session(valve, kNoise_psi, 5);
@@ -304,6 +341,27 @@ TEST(ValveDiagnosis, ALawThatAccountsForWhatNoGoodValveLeavesNeedNotStandOutOnce
   const Discrepancy usual = conclusion(1200);
   EXPECT_EQ(usual.conclusion, Conclusion::kUnexplained);
   EXPECT_TRUE(usual.causes.empty());
+}
+
+TEST(ValveDiagnosis, ALawThatAccountsForParametersThatNoGoodValveHasNeedNotStandOutOnceMore) {
+  const test::MadeValve valve;
+  const auto healthy = test::session(valve, kNoise_psi, 5);
+  Population population(healthy, valve);
+  const auto spoiled = with_cause(healthy, population.model(valve), {.cause = "sensor_offset", .parameters = {-14.0}});
+  const auto found = [&](double evidence_in_good_valves) {
+    for (CauseOnGoodValves& good : population.causes) {
+      if (good.cause != "sensor_offset") continue;
+      good.evidence_mean = good.evidence_sd = evidence_in_good_valves;
+    }
+    return diagnosed(spoiled, population).discrepancy;
+  };
+  // By its evidence alone one good valve in a few hundred would show it.
+  const Discrepancy rare = found(500);
+  EXPECT_EQ(rare.conclusion, Conclusion::kNamed);
+  ASSERT_EQ(rare.causes.size(), 1u);
+  EXPECT_EQ(rare.causes.front().cause, "sensor_offset");
+  // What good valves show as much of is no explanation, whatever else is odd about the valve.
+  EXPECT_EQ(found(1200).conclusion, Conclusion::kUnexplained);
 }
 
 class ValveDiagnosisOf : public testing::TestWithParam<MechanismUse> {};
@@ -471,6 +529,20 @@ TEST(ValveDiagnosis, AnIntervalOfAnInstantReachesAsFarAsTheDataAllow) {
     EXPECT_TRUE(holds(parameters.at(0).second, instant_s)) << instant_s << " but " << parameters.at(0).second.value;
     EXPECT_TRUE(holds(parameters.at(1).second, -0.05)) << instant_s << " but " << parameters.at(1).second.value;
   }
+}
+
+TEST(ValveDiagnosis, AGainThatChangesWhereLittleOfARecordingIsLeftIsFoundThere) {
+  const test::MadeValve valve;
+  const auto healthy = test::session(valve, kNoise_psi, 5);
+  const Population population(healthy, valve);
+  // A twentieth of the triangle's energy lies behind 14.5 s.
+  const auto spoiled =
+      with_cause(healthy, population.model(valve),
+                 {.cause = "intermittent", .parameters = {14.5, -0.03, 0}, .channel = healthy.back().name});
+  const Discrepancy found = diagnosed(spoiled, population).discrepancy;
+  ASSERT_EQ(found.conclusion, Conclusion::kNamed);
+  EXPECT_EQ(found.causes.front().cause, "intermittent");
+  EXPECT_NEAR(found.causes.front().parameters.front().second.value, 14.5, 0.1);
 }
 
 TEST(Instants, MayBeginWithTheInputWhereTheDataDoNotTellThemFromAMove) {

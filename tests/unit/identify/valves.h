@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <random>
 #include <string>
 #include <vector>
@@ -88,7 +89,22 @@ inline Recording triangle(const MadeValve& valve, double noise, unsigned seed) {
     const double x = static_cast<double>(i) / 2000.0;
     current[i] = valve.current * (1.0 + 1.1 * (x < 1 ? x : 2 - x));
   }
-  return played(valve, TestKind::kTriangle, current, {{.kind = SegmentKind::kRamp, .begin = 0, .end = 4000}}, noise,
+  return played(
+      valve, TestKind::kTriangle, current,
+      {{.kind = SegmentKind::kRamp, .begin = 0, .end = 2000}, {.kind = SegmentKind::kRamp, .begin = 2000, .end = 4000}},
+      noise, seed);
+}
+
+/// From 0.1 to 10 Hz in 20 s around 1.6 A (times the valve's currents), a tenth of an ampere each way.
+inline Recording sweep(const MadeValve& valve, double noise, unsigned seed) {
+  constexpr double kFrom_hz = 0.1, kTo_hz = 10, kDuration_s = 20;
+  std::vector<double> current(4000);
+  for (std::size_t i = 0; i < current.size(); ++i) {
+    const double t = 0.005 * static_cast<double>(i), growth = std::log(kTo_hz / kFrom_hz) / kDuration_s;
+    const double cycles = kFrom_hz * std::expm1(growth * t) / growth;
+    current[i] = valve.current * (1.6 + 0.1 * std::sin(2 * std::numbers::pi * cycles));
+  }
+  return played(valve, TestKind::kSweep, current, {{.kind = SegmentKind::kSweep, .begin = 0, .end = 4000}}, noise,
                 seed);
 }
 
