@@ -24,6 +24,8 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr std::size_t kMostLines = 3;
+// A line of the log stands in this many recordings at least, where there are so many.
+constexpr std::size_t kEnough = 2;
 // Of a sine and a cosine at a known frequency: χ² of two freedoms at 1e-4.
 constexpr double kInInput = 18.4;
 // A line, not a wander: this many times what stands two or three resolved frequencies beside it.
@@ -108,6 +110,12 @@ SeenLine line_in(const Recording& recording, double frequency_hz) {
   const bool at_rest = left < kAtRest * sums.fast / sums.fasts;
   if (!at_rest || !(left > 0)) return {};
   return {explained / left, amplitude};
+}
+
+/// Whether the input neither rests nor goes straight in some part of it.
+bool is_swept(const Recording& recording) {
+  return std::ranges::any_of(recording.segments,
+                             [](const Segment& segment) { return segment.kind == SegmentKind::kSweep; });
 }
 
 /// What is taken for the same amplitude and phase: within this share of it, and these standard errors.
@@ -370,9 +378,7 @@ std::optional<InputLine> line_in_motion(const LinearisedValve& fit, const ValveF
     const Share share = share_of(fit, only(straight, r), only(quarter, r), std::numeric_limits<double>::infinity());
     const Unfollowed unfollowed{frequency_hz, times(line.amplitude[r], share.of_line), share.evidence / inflation};
     line.amplitude[r].setZero();
-    const bool is_swept = std::ranges::any_of(
-        recording.segments, [](const Segment& segment) { return segment.kind == SegmentKind::kSweep; });
-    if (!is_swept) {
+    if (!is_swept(recording)) {
       const SeenLine at_rest = line_in(recording, frequency_hz);
       if (at_rest.statistic >= kInInput) line.amplitude[r] = at_rest.amplitude;
       continue;
@@ -387,19 +393,31 @@ std::optional<InputLine> line_in_motion(const LinearisedValve& fit, const ValveF
   return line.evidence > 0 ? std::optional(line) : std::nullopt;
 }
 
+/// Recordings whose logged input shows any line that it has.
+std::size_t straight_recordings(const ValveFitProblem& problem) {
+  std::size_t straight = 0;
+  for (std::size_t r = 0; r < problem.recordings(); ++r) straight += is_swept(problem.recording(r)) ? 0 : 1;
+  return straight;
+}
+
 }  // namespace
 
 bool stands_in_input(const ValveFitProblem& problem, double frequency_hz) {
   std::size_t with = 0;
   for (std::size_t r = 0; r < problem.recordings(); ++r) with += stands_in(problem.recording(r), frequency_hz) ? 1 : 0;
-  return with >= std::min<std::size_t>(2, problem.recordings());
+  return with >= std::min(kEnough, problem.recordings());
 }
 
 CleanInputs without_aliased_lines(const LinearisedValve& fit, const ValveFitOptions& options) {
   CleanInputs clean;
+  const bool is_told_at_rest = straight_recordings(fit.problem()) >= std::min(kEnough, fit.problem().recordings());
   for (const double frequency_hz : candidates(fit)) {
-    const auto line = stands_in_input(fit.problem(), frequency_hz) ? line_behind(fit, options, frequency_hz)
-                                                                   : line_in_motion(fit, options, frequency_hz);
+    std::optional<InputLine> line;
+    if (stands_in_input(fit.problem(), frequency_hz)) {
+      line = line_behind(fit, options, frequency_hz);
+    } else if (!is_told_at_rest) {
+      line = line_in_motion(fit, options, frequency_hz);
+    }
     if (!line) continue;
     if (clean.recordings.empty()) {
       for (std::size_t r = 0; r < fit.error().size(); ++r) clean.recordings.push_back(fit.problem().recording(r));

@@ -17,9 +17,13 @@ struct CleanInputs {
 /// appears in the log at an alias of its frequency, the simulation follows that alias, and the valve does not.
 ///
 /// A line is looked for where the residual has one and where the input at rest has one. It is taken off where the input
-/// has it in at least two recordings (one, where there is only one) at the 1e-4 level and the simulation errs less
-/// without it. How much of it the output does not follow is told where the input moves, for there no loop hides it: all
-/// of a ripple, nothing of a line that the valve follows, which stays.
+/// has it in at least two recordings that rest or go straight (one, where there is only one) at the 1e-4 level and the
+/// simulation errs less without it. How much of it the output does not follow is told where the input moves, for there
+/// no loop hides it: all of a ripple, nothing of a line that the valve follows, which stays.
+///
+/// Where fewer rest, sweeps and multisines tell: the line which the residual shows as one that the output does not
+/// follow, by five standard errors, must be the one that the log has, in amplitude and phase, where a sweep is far
+/// slower or faster or between the lines of a periodic input.
 ///
 /// fit      of the recordings as logged
 /// Source   aliasing: any text on sampling; the test is the F test of a sine and a cosine beside piecewise straight
