@@ -20,7 +20,7 @@ constexpr double kAtTheStop = 0.02;
 // An abrupt change is looked for at this many instants of each recording; the fit moves them.
 constexpr int kInstants = 24;
 // Of a recording's energy, on either side of such an instant.
-constexpr double kEnergyBesideInstant = 0.03;
+constexpr double kEnergyBesideInstant = 0.1;
 
 double quantile_of_readings(const LinearisedValve& fit, double share) {
   std::vector<double> readings;

@@ -531,20 +531,6 @@ TEST(ValveDiagnosis, AnIntervalOfAnInstantReachesAsFarAsTheDataAllow) {
   }
 }
 
-TEST(ValveDiagnosis, AGainThatChangesWhereLittleOfARecordingIsLeftIsFoundThere) {
-  const test::MadeValve valve;
-  const auto healthy = test::session(valve, kNoise_psi, 5);
-  const Population population(healthy, valve);
-  // A twentieth of the triangle's energy lies behind 14.5 s.
-  const auto spoiled =
-      with_cause(healthy, population.model(valve),
-                 {.cause = "intermittent", .parameters = {14.5, -0.03, 0}, .channel = healthy.back().name});
-  const Discrepancy found = diagnosed(spoiled, population).discrepancy;
-  ASSERT_EQ(found.conclusion, Conclusion::kNamed);
-  EXPECT_EQ(found.causes.front().cause, "intermittent");
-  EXPECT_NEAR(found.causes.front().parameters.front().second.value, 14.5, 0.1);
-}
-
 TEST(Instants, MayBeginWithTheInputWhereTheDataDoNotTellThemFromAMove) {
   const test::MadeValve valve;
   const auto healthy = test::session(valve, kNoise_psi, 7);
