@@ -296,13 +296,12 @@ Stack only(const Stack& all, std::size_t recording) {
 
 /// How much of a line the output does not follow, and what the squared error loses without it [noise variances]: by
 /// least squares beside what the valve's own parameters make of it, for the fit has gone along with the line.
-///
-/// most  a valve that sees nothing of the line leaves all of it, there is no more: as far as its size is known
 struct Share {
   Eigen::Vector2d of_line = Eigen::Vector2d::Zero();  ///< of the line itself, and of it a quarter of a period later
   double evidence = 0;
 };
 
+/// most  of the line: a valve that sees nothing of it leaves all of it, there is no more where its size is known
 Share share_of(const LinearisedValve& fit, const Stack& straight, const Stack& quarter, double most = 1) {
   const auto signatures = fit.signatures({straight, quarter});
   const double across = fit.product(signatures[0], signatures[1]);
@@ -375,14 +374,15 @@ std::optional<InputLine> line_in_motion(const LinearisedValve& fit, const ValveF
   const double inflation = noise_inflation(fit.error());
   for (std::size_t r = 0; r < problem.recordings(); ++r) {
     const Recording& recording = problem.recording(r);
-    const Share share = share_of(fit, only(straight, r), only(quarter, r), std::numeric_limits<double>::infinity());
-    const Unfollowed unfollowed{frequency_hz, times(line.amplitude[r], share.of_line), share.evidence / inflation};
+    const Eigen::Vector2d probe = line.amplitude[r];
     line.amplitude[r].setZero();
     if (!is_swept(recording)) {
       const SeenLine at_rest = line_in(recording, frequency_hz);
       if (at_rest.statistic >= kInInput) line.amplitude[r] = at_rest.amplitude;
       continue;
     }
+    const Share share = share_of(fit, only(straight, r), only(quarter, r), std::numeric_limits<double>::infinity());
+    const Unfollowed unfollowed{frequency_hz, times(probe, share.of_line), share.evidence / inflation};
     if (unfollowed.evidence < kLeastEvidence) continue;
     auto seen = seen_in_windows(recording, unfollowed);
     if (!seen) seen = seen_between_lines(recording, unfollowed);
