@@ -113,10 +113,6 @@ Curve curve_of(const FrequencyResponse& response, const TransferFunction& g) {
   return curve;
 }
 
-double decibels(double neper) {
-  return 20 * neper / std::numbers::ln10;
-}
-
 /// First x at which y falls below a level; NaN where it does not.
 double first_fall(const Curve& curve, double level, double& slope) {
   for (std::size_t i = 1; i < curve.y.size(); ++i) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <numbers>
 #include <optional>
 #include <span>
 #include <string>
@@ -9,6 +10,11 @@
 #include "core/recording/recording.h"
 
 namespace valvetriage {
+
+/// A gain of so many nepers in dB.
+inline double decibels(double neper) {
+  return 20 * neper / std::numbers::ln10;
+}
 
 /// One figure of a frequency response. std_error is NaN where it has none.
 struct ResponseFeature {

@@ -4,7 +4,6 @@
 
 #include <Eigen/Core>
 #include <algorithm>
-#include <boost/math/distributions/students_t.hpp>
 #include <boost/math/statistics/univariate_statistics.hpp>
 #include <cmath>
 #include <map>
@@ -19,6 +18,7 @@
 #include "core/mechanisms/simulate_extended.h"
 #include "core/residual/noise_floor.h"
 #include "core/residual/step_response.h"
+#include "core/statistics/distributions.h"
 
 namespace valvetriage {
 namespace {
@@ -43,7 +43,7 @@ struct Member {
 };
 
 // Shares of the time of learning.
-constexpr double kFitted = 0.1, kUsualLearned = 0.3, kFittedAgain = 0.4;
+constexpr double kGoodFitted = 0.1, kUsualLearned = 0.3, kFittedAgain = 0.4;
 
 void report_valve(const StageReport& report, std::string_view what, const ValveRecordings& valve, std::size_t before,
                   std::size_t valves) {
@@ -149,9 +149,7 @@ void point_out_outliers(std::vector<Member>& members) {
     const auto used = static_cast<double>(used_members(members).size());
     if (used <= kFewestReferenceValves) return;
     const double figures = static_cast<double>(outlier_figures(*worst).value.size());
-    const boost::math::students_t student(used - 2);
-    const double limit =
-        boost::math::quantile(boost::math::complement(student, kOutlierSignificance / (2 * used * figures)));
+    const double limit = student_t_upper_quantile(used - 2, kOutlierSignificance / (2 * used * figures));
     if (worst->distance <= limit) return;
     worst->used = false;
   }
@@ -443,11 +441,11 @@ Result<Reference> learn_reference(std::span<const ValveRecordings> given, const 
   if (!options) return tl::unexpected(options.error());
 
   // What they have in common is learned from those that are alike.
-  const auto first = fit_members(valves, *options, report_part(report, 0, kFitted));
+  const auto first = fit_members(valves, *options, report_part(report, 0, kGoodFitted));
   if (!first) return tl::unexpected(first.error());
   const auto alike = used_members(*first);
   options->start = alike.front()->fit.parameters;
-  report_stage(report, kFitted, "learning what they have in common");
+  report_stage(report, kGoodFitted, "learning what they have in common");
   const auto usual = learn_usual_mechanisms(recordings_of(alike), *options);
   if (!usual) return tl::unexpected(usual.error());
   options->usual = *usual;

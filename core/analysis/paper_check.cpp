@@ -8,6 +8,7 @@
 #include <limits>
 #include <numbers>
 
+#include "core/analysis/frequency_analysis.h"
 #include "core/analysis/paper_classification.h"
 #include "core/analysis/paper_error_scaling.h"
 #include "core/analysis/paper_frequency.h"
@@ -18,10 +19,6 @@ namespace valvetriage {
 namespace {
 
 constexpr std::array<std::uint64_t, 2> kSeeds{1, 2};
-
-double decibels(double neper) {
-  return 20 * neper / std::numbers::ln10;
-}
 
 PaperLine corner_form_line() {
   const CornerFormCheck check = check_corner_form();

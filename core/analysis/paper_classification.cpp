@@ -7,8 +7,6 @@
 namespace valvetriage {
 namespace {
 
-constexpr double kLow_a = 1.4, kHigh_a = 1.6;
-
 std::size_t largest_set(const LevelRules& level, double error) {
   const auto& sets = level.inputs.front().sets;
   const auto best = std::max_element(sets.begin(), sets.end(), [&](const InputSet& left, const InputSet& right) {
@@ -109,8 +107,8 @@ TableStatistics table_statistics() {
 TableScore score_table(const RuleBase& base) {
   TableScore score;
   for (const PaperTableRow& row : kPaperTable) {
-    const std::array<LevelFeatures, 2> features{LevelFeatures{.level_a = kLow_a, .error_eq20 = row.error_low},
-                                                LevelFeatures{.level_a = kHigh_a, .error_eq20 = row.error_high}};
+    const std::array<LevelFeatures, 2> features{LevelFeatures{.level_a = kPaperLow_a, .error_eq20 = row.error_low},
+                                                LevelFeatures{.level_a = kPaperHigh_a, .error_eq20 = row.error_high}};
     const auto classified = classify(base, features);
     if (!classified) continue;
     for (const LevelClassification& level : classified->per_level) {

@@ -6,6 +6,7 @@
 #include <numbers>
 #include <numeric>
 
+#include "core/classify/paper_table.h"
 #include "core/model/model.h"
 #include "core/residual/fit_figures.h"
 #include "core/residual/step_response.h"
@@ -13,7 +14,6 @@
 namespace valvetriage {
 namespace {
 
-constexpr double kLow_a = 1.4, kHigh_a = 1.6;
 constexpr double kRest_psi = 26;
 
 /// Normal deviates that are the same on every machine: splitmix64 (Steele, Lea and Flood 2014), Box and Muller.
@@ -42,7 +42,7 @@ Model true_model(const RlsBiasScene& scene) {
   Model model;
   model.kind = "linear";
   model.dynamics = {.domain = Domain::kS, .poles = {pole, std::conj(pole)}, .gain = scene.static_gain * w * w};
-  model.input_offset = kLow_a;
+  model.input_offset = kPaperLow_a;
   model.output_offset = kRest_psi;
   return model;
 }
@@ -56,10 +56,11 @@ Recording step_recording(const RlsBiasScene& scene, std::uint64_t seed) {
   const std::size_t step = step_sample(scene);
   Recording recording;
   recording.sample_period_s = 1 / scene.sample_rate_hz;
-  recording.input.values.assign(n, kHigh_a);
-  std::fill_n(recording.input.values.begin(), step, kLow_a);
-  recording.segments = {{.kind = SegmentKind::kHold, .begin = 0, .end = step, .level = kLow_a},
-                        {.kind = SegmentKind::kStep, .begin = step, .end = n, .level = kHigh_a, .from_level = kLow_a}};
+  recording.input.values.assign(n, kPaperHigh_a);
+  std::fill_n(recording.input.values.begin(), step, kPaperLow_a);
+  recording.segments = {
+      {.kind = SegmentKind::kHold, .begin = 0, .end = step, .level = kPaperLow_a},
+      {.kind = SegmentKind::kStep, .begin = step, .end = n, .level = kPaperHigh_a, .from_level = kPaperLow_a}};
   recording.output.values = *simulate(true_model(scene), recording, {});
   Noise noise(seed);
   for (double& y : recording.output.values) y += scene.noise_psi * noise.normal();
@@ -67,7 +68,7 @@ Recording step_recording(const RlsBiasScene& scene, std::uint64_t seed) {
 }
 
 double eq20(const RlsBiasScene& scene, const Recording& recording, std::span<const double> simulated) {
-  const StepWindow step{0, step_sample(scene), recording.samples(), kHigh_a};
+  const StepWindow step{0, step_sample(scene), recording.samples(), kPaperHigh_a};
   const Eq20Window window{scene.sample_rate_hz, scene.duration_s - scene.step_at_s};
   return error_eq20(recording, simulated, step, window).value();
 }
@@ -87,7 +88,7 @@ RlsOutcome identify_by(RlsForm form, const RlsBiasScene& scene, std::uint64_t se
   Model model;
   model.kind = "linear";
   model.dynamics = *to_transfer_function(c);
-  model.input_offset = kLow_a;
+  model.input_offset = kPaperLow_a;
   const auto rest = recording.output.values.begin();
   const auto step = static_cast<std::ptrdiff_t>(step_sample(scene));
   model.output_offset = std::accumulate(rest, rest + step, 0.0) / static_cast<double>(step);

@@ -7,6 +7,9 @@
 
 namespace valvetriage {
 
+/// Levels of the paper's Table I, A.
+inline constexpr double kPaperLow_a = 1.4, kPaperHigh_a = 1.6;
+
 /// One row of the paper's Table I: Eq 20 of one valve at both levels. The paper prints no unit, rate or duration.
 struct PaperTableRow {
   enum class Condition : std::uint8_t { kNew, kReturned };

@@ -1,9 +1,10 @@
 #include "core/classify/shared_shift.h"
 
 #include <algorithm>
-#include <boost/math/distributions/students_t.hpp>
 #include <cmath>
 #include <numeric>
+
+#include "core/statistics/distributions.h"
 
 namespace valvetriage {
 namespace {
@@ -47,10 +48,9 @@ std::optional<SharedShift> shared_shift(std::span<const double> values, const Go
   const double welch = squared_error * squared_error /
                        (lot.squared_error * lot.squared_error / lot.freedoms + of_good * of_good / (n - 1));
   found.degrees_of_freedom = std::min(welch, n - 1);
-  const boost::math::students_t student(found.degrees_of_freedom);
-  const double half = found.std_error * boost::math::quantile(student, 0.975);
+  const double half = found.std_error * student_t_half_width95(found.degrees_of_freedom);
   found.ci95 = {found.shift - half, found.shift + half};
-  found.p_value = 2 * boost::math::cdf(boost::math::complement(student, std::abs(found.shift) / found.std_error));
+  found.p_value = 2 * student_t_upper_tail(found.degrees_of_freedom, std::abs(found.shift) / found.std_error);
   for (const double value : values) {
     const double deviation = std::abs(value - good.mean) / (good.sd * std::sqrt(1 + 1 / n));
     found.largest_single = std::max(found.largest_single, deviation);

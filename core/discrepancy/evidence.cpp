@@ -2,13 +2,11 @@
 
 #include <algorithm>
 #include <array>
-#include <boost/math/distributions/chi_squared.hpp>
-#include <boost/math/distributions/fisher_f.hpp>
-#include <boost/math/distributions/normal.hpp>
-#include <boost/math/distributions/students_t.hpp>
 #include <cmath>
 #include <limits>
 #include <vector>
+
+#include "core/statistics/distributions.h"
 
 namespace valvetriage {
 namespace {
@@ -117,16 +115,12 @@ Contrast contrast(const Stack& winner, const Stack& rival) {
 
 double square_p_value(double times, double mean, double sd, int n, double most) {
   constexpr int kQuantiles = 32;  // of equal probability
-  const auto beyond = [&](double freedoms) {
-    const boost::math::fisher_f population(freedoms, freedoms * n);
-    return boost::math::cdf(boost::math::complement(population, times));
-  };
+  const auto beyond = [&](double freedoms) { return fisher_f_upper_tail(freedoms, freedoms * n, times); };
   if (!(sd > 0) || n < 3) return beyond(1);
   const double known = n - 1;
-  const boost::math::chi_squared scatter(known);
   double sum = 0;
   for (int i = 0; i < kQuantiles; ++i) {
-    const double variance = sd * sd * known / boost::math::quantile(scatter, (i + 0.5) / kQuantiles);
+    const double variance = sd * sd * known / chi_squared_quantile(known, (i + 0.5) / kQuantiles);
     sum += beyond(std::max(1.0, std::min(most, 2 * mean * mean / variance)));
   }
   return sum / kQuantiles;
@@ -138,8 +132,7 @@ double good_valve_p_value(const Evidence& evidence, Index freedoms, double noise
   const double searched = std::max(0.0, noise_reduction - k);
   const double beyond_search = evidence.as_normal() - searched;
   if (!(beyond_search > 0)) return 1;
-  const boost::math::chi_squared noise(k);
-  const double by_noise = boost::math::cdf(boost::math::complement(noise, beyond_search));
+  const double by_noise = chi_squared_upper_tail(k, beyond_search);
   const double beyond_noise = evidence.value - std::max(0.0, noise_reduction - 1);
   if (!(beyond_noise > 0) || good.valves < 1) return by_noise;
   const double spread = std::max(0.0, good.mean - noise_reduction);
@@ -154,7 +147,7 @@ double odds_at_unknown_size(double p_value) {
   constexpr int kSteps = 200;
   constexpr double kLeast_p = 1e-12;
   const double p = std::clamp(p_value, kLeast_p, 0.5);
-  const double z = boost::math::quantile(boost::math::complement(boost::math::normal(), p));
+  const double z = normal_upper_quantile(p);
   const double ratio = std::pow(kLargest / kSmallest, 1.0 / kSteps);
   double sum = 0, size = kSmallest * std::sqrt(ratio);
   for (int i = 0; i < kSteps; ++i, size *= ratio) sum += std::exp(size * (z - 0.5 * size));
@@ -170,9 +163,8 @@ double size_p_value(double size_from_none, double mean_from_none, double sd, dou
   const double told_by_valves = std::hypot(of_valves, prior_share * error * error) / total;
   constexpr double kMostFreedoms = 1e6;
   const double known = std::min(kMostFreedoms, (good_valves - 1) / (told_by_valves * told_by_valves));
-  const boost::math::students_t student(known);
   const double distance = std::abs(size_from_none - mean_from_none) / std::sqrt(total);
-  return 2 * boost::math::cdf(boost::math::complement(student, distance));
+  return 2 * student_t_upper_tail(known, distance);
 }
 
 }  // namespace valvetriage

@@ -4,7 +4,6 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
-#include <boost/math/distributions/chi_squared.hpp>
 #include <boost/math/tools/minima.hpp>
 #include <cmath>
 #include <limits>
@@ -15,6 +14,7 @@
 #include "core/discrepancy/evidence.h"
 #include "core/discrepancy/tones.h"
 #include "core/discrepancy/valve_contest.h"
+#include "core/statistics/distributions.h"
 
 namespace valvetriage {
 namespace {
@@ -427,14 +427,13 @@ CleanInputs without_aliased_lines(const LinearisedValve& fit, const ValveFitOpti
       clean.recordings[r] = line->taken_off(std::move(clean.recordings[r]), r);
       squares += line->amplitude[r].squaredNorm() / static_cast<double>(clean.recordings.size());
     }
-    const boost::math::chi_squared two(2);
     clean.findings.push_back(
         {.what = fmt::format("a line of {:.3g} Hz and {:.2g} {} in the logged input that the output does not follow: "
                              "ripple or dither folded back by the sampling; taken off before the simulation",
                              line->frequency_hz, std::sqrt(squares), clean.recordings.front().input.unit),
          .where = "input",
          .statistic = line->evidence,
-         .p_value = boost::math::cdf(boost::math::complement(two, std::min(line->evidence, 1400.0))),
+         .p_value = chi_squared_upper_tail(2, std::min(line->evidence, 1400.0)),
          .share_of_structured_residual = std::numeric_limits<double>::quiet_NaN()});
   }
   return clean;

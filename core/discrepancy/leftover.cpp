@@ -2,13 +2,13 @@
 
 #include <algorithm>
 #include <array>
-#include <boost/math/distributions/students_t.hpp>
 #include <cmath>
 #include <limits>
 #include <span>
 
 #include "core/discrepancy/evidence.h"
 #include "core/residual/noise_floor.h"
+#include "core/statistics/distributions.h"
 
 namespace valvetriage {
 namespace {
@@ -26,7 +26,7 @@ Unusual in_its_logarithm(double log_ratio, double own, int blocks, const Leftove
   const double t = (log_ratio - good.mean) / std::sqrt((between + within) * (1 + 1.0 / valves));
   // Freedoms of a sum of variances: Satterthwaite, Biometrics Bulletin 2 (1946) 110.
   const double freedoms = std::pow(between + within, 2) / (between * between / (valves - 1) + within * within / blocks);
-  return {t, boost::math::cdf(boost::math::complement(boost::math::students_t(freedoms), t))};
+  return {t, student_t_upper_tail(freedoms, t)};
 }
 
 /// The same of what is slow beyond noise, a square.

@@ -1,7 +1,8 @@
 #include <Eigen/Dense>
 #include <algorithm>
-#include <boost/math/distributions/students_t.hpp>
 #include <cmath>
+
+#include "core/statistics/distributions.h"
 
 #include "core/discrepancy/machine_search.h"
 
@@ -94,8 +95,7 @@ BlockComparison compare_blocks(const std::vector<double>& better, const std::vec
   double squares = 0;
   for (std::size_t i = 0; i < groups; ++i) squares += std::pow(worse[i] - better[i] - comparison.log_gain, 2);
   const double t = comparison.log_gain / std::sqrt(squares / (n - 1) / n + 1e-12);
-  const boost::math::students_t student(n - 1);
-  const double by_size = 2 * boost::math::cdf(boost::math::complement(student, std::max(0.0, t)));
+  const double by_size = 2 * student_t_upper_tail(n - 1, std::max(0.0, t));
   comparison.p_value = std::min(1.0, 2 * std::min(comparison.p_value, by_size));
   return comparison;
 }

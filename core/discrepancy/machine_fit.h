@@ -21,6 +21,12 @@ struct FreeParameter {
   double lower = -1e9, upper = 1e9;  ///< in the value itself
 };
 
+/// Parameter `index` of a block's law, free between its bounds.
+inline FreeParameter law_parameter(std::size_t block, std::size_t index, double lower, double upper,
+                                   bool logarithmic = false) {
+  return {block, MachineField::kParameter, index, logarithmic, lower, upper};
+}
+
 /// A machine with what may move in it, and where it stands in a search.
 struct MachineFit {
   Machine machine;

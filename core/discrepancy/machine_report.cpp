@@ -4,15 +4,16 @@
 
 #include <algorithm>
 #include <array>
-#include <boost/math/distributions/fisher_f.hpp>
 #include <cmath>
 #include <functional>
 #include <limits>
 
+#include "core/statistics/distributions.h"
+
 namespace valvetriage {
 namespace {
 
-constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+constexpr double kNoPopulation = std::numeric_limits<double>::quiet_NaN();
 constexpr double kNothing = 0.003;  // of the range: below, a width or a curve has no effect that a reader could see
 
 const MachineBlock* find_block(const MachineFit& fit, MachineLaw law, std::size_t* index = nullptr) {
@@ -38,7 +39,7 @@ class Writer {
   void add_value(const std::string& name, double value, double error, const std::string& unit) {
     ParameterEstimate estimate{.value = value, .std_error = error, .unit = unit};
     estimate.ci95 = {value - kTwoSided95 * error, value + kTwoSided95 * error};
-    estimate.population_mean = estimate.population_sd = kUnknown;
+    estimate.population_mean = estimate.population_sd = kNoPopulation;
     estimates.emplace_back(name, estimate);
   }
 
@@ -278,7 +279,7 @@ void add_side(Writer& writer, const MachineData& data, const MachineFit& fit, co
   const MachineBlock* side = find_block(fit, MachineLaw::kSide, &b);
   if (!side) return;
   ParameterEstimate channel{.text = side->channel};
-  channel.population_mean = channel.population_sd = kUnknown;
+  channel.population_mean = channel.population_sd = kNoPopulation;
   writer.estimates.emplace_back("channel", channel);
   writer.add("coefficient", b, 0, data.output_scale, 0, unit);
 }
@@ -557,9 +558,8 @@ std::vector<Finding> residual_findings(const MachineData& data, const MachineSco
     if (used < 2 || effective < used + 2 || power <= 0) continue;
     const double share = explained / power;
     const double statistic = share / (1 - std::min(share, 1 - 1e-12)) * (effective - used) / (used - 1);
-    const boost::math::fisher_f f(used - 1, effective - used);
-    findings.push_back(
-        {views[v].what, "all recordings", statistic, boost::math::cdf(boost::math::complement(f, statistic)), share});
+    findings.push_back({views[v].what, "all recordings", statistic,
+                        fisher_f_upper_tail(used - 1, effective - used, statistic), share});
   }
   std::stable_sort(findings.begin(), findings.end(), [](const Finding& a, const Finding& b) {
     return a.share_of_structured_residual > b.share_of_structured_residual;

@@ -10,12 +10,7 @@
 namespace valvetriage {
 namespace {
 
-using Field = MachineField;
 using Start = SignalLaw::Start;
-
-FreeParameter parameter(std::size_t block, std::size_t index, double lower, double upper, bool logarithmic = false) {
-  return {block, Field::kParameter, index, logarithmic, lower, upper};
-}
 
 MachineBlock law_block(MachineLaw law, std::vector<double> parameters) {
   MachineBlock block;
@@ -27,8 +22,8 @@ MachineBlock law_block(MachineLaw law, std::vector<double> parameters) {
 SignalLaw backlash(const MachineGround& g) {
   SignalLaw law{"backlash", "on the input", true, {}};
   for (const double share : {0.02, 0.08, 0.25}) {
-    law.starts.push_back(
-        {{law_block(MachineLaw::kPlay, {share * g.input_range()})}, {parameter(0, 0, 1e-6, g.input_range(), true)}});
+    law.starts.push_back({{law_block(MachineLaw::kPlay, {share * g.input_range()})},
+                          {law_parameter(0, 0, 1e-6, g.input_range(), true)}});
   }
   return law;
 }
@@ -40,7 +35,7 @@ SignalLaw stick_slip(const MachineGround& g) {
       const double breakaway = share * g.input_range();
       law.starts.push_back(
           {{law_block(MachineLaw::kStickSlip, {breakaway, ratio * breakaway})},
-           {parameter(0, 0, 1e-6, g.input_range(), true), parameter(0, 1, 1e-7, g.input_range(), true)}});
+           {law_parameter(0, 0, 1e-6, g.input_range(), true), law_parameter(0, 1, 1e-7, g.input_range(), true)}});
     }
   }
   return law;
@@ -51,8 +46,8 @@ SignalLaw smooth_loop(const MachineGround& g) {
   for (const double reach : {0.15, 0.5}) {
     for (const double width : {0.1, 0.4}) {
       law.starts.push_back({{law_block(MachineLaw::kLoop, {width * reach * g.input_range(), reach * g.input_range()})},
-                            {parameter(0, 0, 1e-6, g.input_range(), true),
-                             parameter(0, 1, 0.02 * g.input_range(), g.input_range(), true)}});
+                            {law_parameter(0, 0, 1e-6, g.input_range(), true),
+                             law_parameter(0, 1, 0.02 * g.input_range(), g.input_range(), true)}});
     }
   }
   return law;
@@ -65,7 +60,7 @@ SignalLaw dead_band(const MachineGround& g) {
     for (const double centre : {std::clamp(g.input_zero, g.input_low, g.input_high), middle}) {
       law.starts.push_back(
           {{law_block(MachineLaw::kDeadBand, {centre, width * g.input_range()})},
-           {parameter(0, 0, g.input_low, g.input_high), parameter(0, 1, 1e-6, 0.9 * g.input_range(), true)}});
+           {law_parameter(0, 0, g.input_low, g.input_high), law_parameter(0, 1, 1e-6, 0.9 * g.input_range(), true)}});
     }
   }
   return law;
@@ -76,12 +71,12 @@ std::vector<Start> limit_starts(double low, double high, double inside, double s
   const double range = high - low;
   const auto upper = law_block(MachineLaw::kUpperLimit, {high - inside * range, softness});
   const auto lower = law_block(MachineLaw::kLowerLimit, {low + inside * range, softness});
-  const auto level = [&](std::size_t block) { return parameter(block, 0, low - 0.5 * range, high + 0.5 * range); };
+  const auto level = [&](std::size_t block) { return law_parameter(block, 0, low - 0.5 * range, high + 0.5 * range); };
   std::vector<Start> starts{{{upper}, {level(0)}}, {{lower}, {level(0)}}, {{upper, lower}, {level(0), level(1)}}};
   if (softness <= 0) return starts;
   for (Start& start : starts) {
     const std::size_t blocks = start.blocks.size();
-    for (std::size_t b = 0; b < blocks; ++b) start.free.push_back(parameter(b, 1, 1e-4 * range, range, true));
+    for (std::size_t b = 0; b < blocks; ++b) start.free.push_back(law_parameter(b, 1, 1e-4 * range, range, true));
   }
   return starts;
 }
@@ -100,7 +95,7 @@ SignalLaw curve(const MachineGround& g, bool on_input) {
   const double range = on_input ? g.input_range() : g.output_range();
   SignalLaw law{"static_curve", on_input ? "on the input" : "on the output", on_input, {}};
   for (const double c : {-0.3, 0.3}) {
-    law.starts.push_back({{law_block(MachineLaw::kCurve, {c, low, range})}, {parameter(0, 0, -3, 3)}});
+    law.starts.push_back({{law_block(MachineLaw::kCurve, {c, low, range})}, {law_parameter(0, 0, -3, 3)}});
   }
   return law;
 }
@@ -109,21 +104,24 @@ SignalLaw rate_limit(const MachineGround& g) {
   SignalLaw law{"rate_limit", "on the input", true, {}};
   for (const double share : {0.5, 0.1, 0.02}) {
     law.starts.push_back({{law_block(MachineLaw::kRateLimit, {share * g.steepest_input_per_s})},
-                          {parameter(0, 0, 1e-6 * g.steepest_input_per_s, g.steepest_input_per_s, true)}});
+                          {law_parameter(0, 0, 1e-6 * g.steepest_input_per_s, g.steepest_input_per_s, true)}});
   }
   return law;
 }
 
 SignalLaw drift() {
-  return {
-      "sensor_drift", "on the output", false, {{{law_block(MachineLaw::kDrift, {0})}, {parameter(0, 0, -1e6, 1e6)}}}};
+  return {"sensor_drift",
+          "on the output",
+          false,
+          {{{law_block(MachineLaw::kDrift, {0})}, {law_parameter(0, 0, -1e6, 1e6)}}}};
 }
 
 SignalLaw warming(const MachineGround& g) {
   SignalLaw law{"thermal_drift", "on the output", false, {}};
   for (const double share : {0.1, 0.3}) {
-    law.starts.push_back({{law_block(MachineLaw::kWarming, {-0.1, share * g.longest_s, g.output_zero})},
-                          {parameter(0, 0, -0.9, 0.9), parameter(0, 1, 0.02 * g.longest_s, g.longest_s, true)}});
+    law.starts.push_back(
+        {{law_block(MachineLaw::kWarming, {-0.1, share * g.longest_s, g.output_zero})},
+         {law_parameter(0, 0, -0.9, 0.9), law_parameter(0, 1, 0.02 * g.longest_s, g.longest_s, true)}});
   }
   return law;
 }
@@ -132,7 +130,7 @@ SignalLaw gain_step(const MachineGround& g) {
   SignalLaw law{"intermittent", "on the output", false, {}};
   for (const GainStep& step : g.gain_steps) {
     law.starts.push_back({{law_block(MachineLaw::kGainStep, {step.change, step.time_s, g.output_zero})},
-                          {parameter(0, 0, -1, 2), parameter(0, 1, 0.02 * g.longest_s, 0.98 * g.longest_s)}});
+                          {law_parameter(0, 0, -1, 2), law_parameter(0, 1, 0.02 * g.longest_s, 0.98 * g.longest_s)}});
   }
   return law;
 }
@@ -140,9 +138,9 @@ SignalLaw gain_step(const MachineGround& g) {
 SignalLaw tone(const MachineGround& g) {
   SignalLaw law{"periodic_disturbance", "on the output", false, {}};
   for (const double f : g.tones_hz) {
-    law.starts.push_back(
-        {{law_block(MachineLaw::kTone, {0.05, 0.05, f})},
-         {parameter(0, 0, -1e3, 1e3), parameter(0, 1, -1e3, 1e3), parameter(0, 2, 0.98 * f, 1.02 * f, true)}});
+    law.starts.push_back({{law_block(MachineLaw::kTone, {0.05, 0.05, f})},
+                          {law_parameter(0, 0, -1e3, 1e3), law_parameter(0, 1, -1e3, 1e3),
+                           law_parameter(0, 2, 0.98 * f, 1.02 * f, true)}});
   }
   return law;
 }
@@ -152,7 +150,7 @@ SignalLaw side_input(const MachineGround& g) {
   for (const std::string& channel : g.channels) {
     MachineBlock block = law_block(MachineLaw::kSide, {0, 0});
     block.channel = channel;
-    law.starts.push_back({{block}, {parameter(0, 0, -1e6, 1e6)}});
+    law.starts.push_back({{block}, {law_parameter(0, 0, -1e6, 1e6)}});
   }
   return law;
 }
@@ -182,8 +180,8 @@ MachineTrial asymmetric(const MachineGround& g, int order) {
     MachineFit fit = base;
     fit.machine.blocks.push_back(law_block(MachineLaw::kLag, {lag_s * ratio, lag_s / ratio}));
     const std::size_t last = fit.machine.blocks.size() - 1;
-    fit.free.push_back(parameter(last, 0, 0.1 * fit.machine.sample_period_s, 10 * g.longest_s, true));
-    fit.free.push_back(parameter(last, 1, 0.1 * fit.machine.sample_period_s, 10 * g.longest_s, true));
+    fit.free.push_back(law_parameter(last, 0, 0.1 * fit.machine.sample_period_s, 10 * g.longest_s, true));
+    fit.free.push_back(law_parameter(last, 1, 0.1 * fit.machine.sample_period_s, 10 * g.longest_s, true));
     trial.starts.push_back(std::move(fit));
   }
   return trial;

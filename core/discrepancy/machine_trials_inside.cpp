@@ -13,10 +13,6 @@ using Field = MachineField;
 constexpr int kMostSandwichOrder = 6;
 constexpr std::size_t kMostSplits = 14;  // all of four parts: nothing says which side of a law a mode is on
 
-FreeParameter parameter(std::size_t block, std::size_t index, double lower, double upper, bool logarithmic = false) {
-  return {block, Field::kParameter, index, logarithmic, lower, upper};
-}
-
 double gain_at_rest(const MachineBlock& block) {
   return valvetriage::gain_at_rest(block.sections, block.numerator);
 }
@@ -88,7 +84,7 @@ MachineFit sandwich(const MachineGround& g, const std::vector<Section>& first, c
     fit.free.push_back(p);
   }
   for (const FreeParameter& p : free_dynamics(out, last)) fit.free.push_back(p);
-  fit.free.push_back(parameter(last + 1, 1, -1e3, 1e3));
+  fit.free.push_back(law_parameter(last + 1, 1, -1e3, 1e3));
   return fit;
 }
 
@@ -109,15 +105,15 @@ std::vector<MiddleLaw> middle_laws(const MachineGround& g) {
   const double range = g.input_range();
   const auto upper = block_of(MachineLaw::kUpperLimit, {0.3 * g.input_high, 0.05 * range});
   const auto lower = block_of(MachineLaw::kLowerLimit, {0.3 * g.input_low, 0.05 * range});
-  const auto level = [&](std::size_t b) { return parameter(b, 0, g.input_low - range, g.input_high + range); };
-  const auto soft = [&](std::size_t b) { return parameter(b, 1, 1e-4 * range, range, true); };
+  const auto level = [&](std::size_t b) { return law_parameter(b, 0, g.input_low - range, g.input_high + range); };
+  const auto soft = [&](std::size_t b) { return law_parameter(b, 1, 1e-4 * range, range, true); };
   return {{"saturation", {upper}, {level(0), soft(0)}},
           {"saturation", {lower}, {level(0), soft(0)}},
           {"saturation", {upper, lower}, {level(0), soft(0), level(1), soft(1)}},
           {"dead_band",
            {block_of(MachineLaw::kDeadBand, {0, 0.1 * range})},
-           {parameter(0, 0, g.input_low, g.input_high), parameter(0, 1, 1e-6, range, true)}},
-          {"static_curve", {block_of(MachineLaw::kCurve, {0.3, g.input_low, range})}, {parameter(0, 0, -3, 3)}}};
+           {law_parameter(0, 0, g.input_low, g.input_high), law_parameter(0, 1, 1e-6, range, true)}},
+          {"static_curve", {block_of(MachineLaw::kCurve, {0.3, g.input_low, range})}, {law_parameter(0, 0, -3, 3)}}};
 }
 
 /// The linear machine with the powers of its own output fed back: a hardening (or softening) spring.
@@ -138,8 +134,8 @@ MachineFit spring(const LinearMachine& linear, double cubic) {
 }
 
 void add_free_loop(MachineFit& fit) {
-  fit.free.push_back(parameter(0, 0, 1e-3, 1e3, true));
-  fit.free.push_back(parameter(0, 1, -1e3, 1e3));
+  fit.free.push_back(law_parameter(0, 0, 1e-3, 1e3, true));
+  fit.free.push_back(law_parameter(0, 1, -1e3, 1e3));
 }
 
 MachineFit restoring_loop(const LinearMachine& linear, double share, double beta) {
@@ -171,14 +167,14 @@ MachineFit friction_in_motion(const MachineGround& g, const MotionEquation& equa
                                                        damping, force, 1.2 * force, shows_speed ? 1.0 : 0.0});
   motion.delay_samples = g.dead_samples;
   fit.machine.blocks = {motion, block_of(MachineLaw::kAffine, {1, offset})};
-  fit.free = {parameter(0, 0, -1e12, 1e12), parameter(0, 1, -1e12, 1e12), parameter(0, 4, 1e-9, 1e9, true),
-              parameter(0, 5, 1e-9 * std::max(force, 1e-9), 1e12, true),
-              parameter(0, 6, 1e-9 * std::max(force, 1e-9), 1e12, true)};
+  fit.free = {law_parameter(0, 0, -1e12, 1e12), law_parameter(0, 1, -1e12, 1e12), law_parameter(0, 4, 1e-9, 1e9, true),
+              law_parameter(0, 5, 1e-9 * std::max(force, 1e-9), 1e12, true),
+              law_parameter(0, 6, 1e-9 * std::max(force, 1e-9), 1e12, true)};
   if (stiffness > 0) {
-    fit.free.push_back(parameter(0, 3, 1e-9, 1e12, true));
-    fit.free.push_back(parameter(1, 1, -1e3, 1e3));
+    fit.free.push_back(law_parameter(0, 3, 1e-9, 1e12, true));
+    fit.free.push_back(law_parameter(1, 1, -1e3, 1e3));
   } else {
-    fit.free.push_back(parameter(0, 2, -1e12, 1e12));
+    fit.free.push_back(law_parameter(0, 2, -1e12, 1e12));
   }
   return fit;
 }
@@ -245,7 +241,7 @@ std::vector<MachineFit> springs_by_equation(const MachineData& data, const Machi
     if (!equation || equation->stiffness <= 0) continue;
     const double centre = -equation->bias / equation->stiffness;
     starts.push_back(fed_back_by_equation(data, g, *equation, MachineLaw::kSpring, {centre}, equation->cubic));
-    starts.back().free.push_back(parameter(1, 1, -1e3, 1e3));
+    starts.back().free.push_back(law_parameter(1, 1, -1e3, 1e3));
   }
   return starts;
 }
@@ -272,7 +268,7 @@ std::vector<MachineFit> loops_by_equation(const MachineData& data, const Machine
       starts.push_back(fed_back_by_equation(data, g, equation, MachineLaw::kRestoringLoop, {shape.beta, shape.delta},
                                             equation.loop));
       add_free_loop(starts.back());
-      starts.back().free.push_back(parameter(1, 1, -1e3, 1e3));
+      starts.back().free.push_back(law_parameter(1, 1, -1e3, 1e3));
     }
   }
   return starts;
@@ -357,7 +353,8 @@ std::vector<MachineTrial> motion_trials(const MachineData& data, const MachineGr
 std::vector<MachineTrial> tank_trials(const MachineData& data, const MachineGround& g) {
   const double period = data.period_s;
   constexpr double kLeastExponent = 0.2;  // an orifice has 1/2, a long pipe 1; a tank that widens has less of either
-  const std::vector<FreeParameter> exponents{parameter(0, 5, kLeastExponent, 1), parameter(0, 10, kLeastExponent, 1)};
+  const std::vector<FreeParameter> exponents{law_parameter(0, 5, kLeastExponent, 1),
+                                             law_parameter(0, 10, kLeastExponent, 1)};
   MachineTrial plain{{"orifice_flow"}, "in the outflow", {}, exponents};
   MachineTrial spilling{{"orifice_flow", "saturation"}, "in the outflow, with a rim", {}, exponents};
   constexpr double kNoRim = 1e6;
@@ -377,15 +374,15 @@ std::vector<MachineTrial> tank_trials(const MachineData& data, const MachineGrou
       MachineFit fit;
       fit.machine.sample_period_s = period;
       fit.machine.blocks = {tank};
-      fit.free = {parameter(0, 1, 1e-9, 1e9, true), parameter(0, 2, -1e3, g.input_high),
-                  parameter(0, 4, 1e-9, 1e9, true), parameter(0, 9, -50, g.output_low)};
-      if (tanks > 1) fit.free.push_back(parameter(0, 3, 1e-9, 1e9, true));
+      fit.free = {law_parameter(0, 1, 1e-9, 1e9, true), law_parameter(0, 2, -1e3, g.input_high),
+                  law_parameter(0, 4, 1e-9, 1e9, true), law_parameter(0, 9, -50, g.output_low)};
+      if (tanks > 1) fit.free.push_back(law_parameter(0, 3, 1e-9, 1e9, true));
       plain.starts.push_back(fit);
       auto& rims = fit.machine.blocks[0].parameters;
       const double deepest = g.output_high - zero;
       rims[8] = g.output_high;
       fit.free.push_back(
-          parameter(0, 8, g.output_high - 0.3 * g.output_range(), g.output_high + 0.1 * g.output_range()));
+          law_parameter(0, 8, g.output_high - 0.3 * g.output_range(), g.output_high + 0.1 * g.output_range()));
       spilling.starts.push_back(fit);
       if (tanks < 2) continue;
       for (const double rim : {0.6, 1.0, 1.6}) {
@@ -393,8 +390,8 @@ std::vector<MachineTrial> tank_trials(const MachineData& data, const MachineGrou
           rims[6] = rim * deepest;
           rims[7] = share;
           MachineFit both = fit;
-          both.free.push_back(parameter(0, 6, 0.05 * deepest, 50 * deepest, true));
-          both.free.push_back(parameter(0, 7, 0, 1));
+          both.free.push_back(law_parameter(0, 6, 0.05 * deepest, 50 * deepest, true));
+          both.free.push_back(law_parameter(0, 7, 0, 1));
           spilling.starts.push_back(both);
         }
       }

@@ -4,13 +4,13 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
-#include <boost/math/distributions/students_t.hpp>
 #include <cmath>
 #include <limits>
 #include <string>
 #include <utility>
 
 #include "core/identify/valve_fit.h"
+#include "core/statistics/distributions.h"
 
 namespace valvetriage {
 namespace {
@@ -43,7 +43,6 @@ OwnParameters own_parameters_of(const Eigen::VectorXd& v, const Eigen::VectorXd&
   if (!options.fit.prior || options.good_valves < 2) return own;
   const ValvePrior& good = *options.fit.prior;
   const double tests = independent_tests(good.covariance);
-  const boost::math::students_t student(options.good_valves - 1);
   Finding of_map;
   for (Index j = 0; j < good.mean.size(); ++j) {
     const bool is_parameter = j < kParameters;
@@ -52,7 +51,7 @@ OwnParameters own_parameters_of(const Eigen::VectorXd& v, const Eigen::VectorXd&
       spread = std::max(spread, kLeastLoopSpread_a);
     }
     const double t = (v(j) - good.mean(j)) / std::hypot(spread, errors(j));
-    const double p = std::min(1.0, tests * 2 * boost::math::cdf(boost::math::complement(student, std::abs(t))));
+    const double p = std::min(1.0, tests * 2 * student_t_upper_tail(options.good_valves - 1, std::abs(t)));
     own.p_value = std::min(own.p_value, p);
     if (p >= kWorthAFinding) continue;
     Finding finding{.where = std::string(kOwnParameters),

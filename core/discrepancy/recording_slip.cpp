@@ -4,10 +4,14 @@
 
 #include <algorithm>
 #include <array>
-#include <boost/math/distributions/chi_squared.hpp>
 #include <cmath>
 #include <limits>
+#include <set>
+#include <string_view>
 #include <vector>
+
+#include "core/discrepancy/valve_catalogue.h"
+#include "core/statistics/distributions.h"
 
 namespace valvetriage {
 namespace {
@@ -48,9 +52,9 @@ Compared compare(const VectorXd& any, const VectorXd& good, const VectorXd& weig
 }
 
 /// The pressures against those that the mean of good valves has on the same inputs.
-Compared compare_pressures(const SearchedValve& searched, const ValvePrior& population) {
-  const ValveFitProblem& problem = *searched.baseline.problem;
-  VectorXd mean = searched.baseline.v;
+Compared compare_pressures(const Explanation& baseline, const ValvePrior& population) {
+  const ValveFitProblem& problem = *baseline.problem;
+  VectorXd mean = baseline.v;
   mean.head(population.mean.size()) = population.mean;
   std::vector<double> measured, good;
   for (std::size_t r = 0; r < problem.recordings(); ++r) {
@@ -76,16 +80,16 @@ double cost_of_map(const Explanation& explanation, const VectorXd& map) {
 }
 
 Finding finding_of(std::string what, double deviation) {
-  const boost::math::chi_squared one(1);
   return {.what = std::move(what),
           .where = std::string(kStaticMap),
           .statistic = deviation,
-          .p_value = boost::math::cdf(boost::math::complement(one, std::clamp(deviation, 0.0, kMostDeviation))),
+          .p_value = chi_squared_upper_tail(1, std::clamp(deviation, 0.0, kMostDeviation)),
           .share_of_structured_residual = kUnknown};
 }
 
-/// Whether no recording's reading differs from its own first, to the last digit.
+/// Whether there is a reading, and no recording's differs from its own first, to the last digit.
 bool never_moves(const ValveFitProblem& problem) {
+  bool is_any = false;
   for (std::size_t r = 0; r < problem.recordings(); ++r) {
     const Recording& recording = problem.recording(r);
     std::optional<double> first;
@@ -93,51 +97,52 @@ bool never_moves(const ValveFitProblem& problem) {
       if (!recording.is_valid(i)) continue;
       if (!first) first = recording.output.values[i];
       if (recording.output.values[i] != *first) return false;
+      is_any = true;
     }
   }
-  return true;
+  return is_any;
 }
 
 }  // namespace
 
-std::optional<Finding> recording_slip(const SearchedValve& searched) {
-  const Explanation& explanation = searched.explanation;
-  if (!explanation.options->prior) return std::nullopt;
-  const ValveFitProblem& problem = *explanation.problem;
-  const VectorXd samples = problem.samples_at_knots();
-  if (!(samples.sum() > 0)) return std::nullopt;
-
-  const ValvePrior& population = *explanation.options->prior;
-  const VectorXd good = population.mean.tail(samples.size());
-  if (never_moves(problem)) {
+std::optional<Finding> slip_of_gauge_or_unit(const Explanation& baseline) {
+  if (!baseline.options->prior) return std::nullopt;
+  const ValvePrior& population = *baseline.options->prior;
+  const VectorXd good = population.mean.tail(baseline.problem->knots());
+  if (never_moves(*baseline.problem)) {
     return finding_of(
         "pressure never moves, to the last digit: gauge or cable is dead, or the valve does not move; check the gauge "
         "before the valve",
-        cost_of_map(searched.baseline, good));
+        cost_of_map(baseline, good));
   }
-  const VectorXd map = explanation.v.segment(ValveFitProblem::kParameters, problem.knots());
-  if (compare(map, good, samples).ratio < 0) {
-    const double deviation = cost_of_map(explanation, problem.rising_map(explanation.v));
-    if (deviation > samples.sum()) {
-      return finding_of("pressure falls as current rises, in good valves it rises: check the sign of the pressure",
-                        deviation);
-    }
-  }
-  const Compared pressures = compare_pressures(searched, population);
+  const Compared pressures = compare_pressures(baseline, population);
+  if (pressures.correlation < kSameShape) return std::nullopt;
   for (const Unit& unit : kUnits) {
-    if (pressures.correlation < kSameShape) continue;
     if (std::abs(std::log(pressures.ratio / unit.per_psi)) > kSameRatio) continue;
     return finding_of(fmt::format("pressure rises {:.3g} times as far as in good valves, as {} called psi would: check "
                                   "the unit of the pressure",
                                   pressures.ratio, unit.name),
-                      cost_of_map(searched.baseline, good));
+                      cost_of_map(baseline, good));
   }
   return std::nullopt;
 }
 
-ValveDiagnosis conclude_slip(const SearchedValve& searched, Finding slip) {
+std::optional<Finding> slip_of_sign(const Explanation& explanation) {
+  if (!explanation.options->prior) return std::nullopt;
+  const ValveFitProblem& problem = *explanation.problem;
+  const VectorXd samples = problem.samples_at_knots();
+  const VectorXd map = explanation.v.segment(ValveFitProblem::kParameters, problem.knots());
+  const VectorXd good = explanation.options->prior->mean.tail(problem.knots());
+  if (!(compare(map, good, samples).ratio < 0)) return std::nullopt;
+  const double deviation = cost_of_map(explanation, problem.rising_map(explanation.v));
+  if (!(deviation > samples.sum())) return std::nullopt;
+  return finding_of("pressure falls as current rises, in good valves it rises: check the sign of the pressure",
+                    deviation);
+}
+
+ValveDiagnosis conclude_slip(const Explanation& baseline, Finding slip) {
   ValveDiagnosis diagnosis;
-  diagnosis.extended_model = searched.baseline.model();
+  diagnosis.extended_model = baseline.model();
   Discrepancy& discrepancy = diagnosis.discrepancy;
   discrepancy.conclusion = Conclusion::kUnexplained;
   discrepancy.gain = {.rmse_baseline = kUnknown,
@@ -148,14 +153,17 @@ ValveDiagnosis conclude_slip(const SearchedValve& searched, Finding slip) {
                       .reduction_ci95 = {kUnknown, kUnknown}};
   discrepancy.candidates.push_back(
       {.cause = "none", .rmse_heldout = kUnknown, .reason = "the simulation leaves more than any good valve would"});
-  for (const Tested& tested : searched.first.survey.tested) {
-    discrepancy.candidates.push_back({.cause = tested.cause(),
+  const ValveCatalogue catalogue = valve_catalogue(LinearisedValve(*baseline.problem, baseline.v), *baseline.options);
+  std::set<std::string_view> listed;
+  for (const LawVariant& variant : catalogue.variants) {
+    if (!listed.insert(variant.law.law->cause).second) continue;
+    discrepancy.candidates.push_back({.cause = std::string(variant.law.law->cause),
                                       .rmse_heldout = kUnknown,
                                       .reason = "not compared: the recordings contradict any valve"});
   }
   discrepancy.candidates.push_back(
       {.cause = "unknown", .probability = 1, .rmse_heldout = kUnknown, .reason = slip.what});
-  for (const Candidate& candidate : searched.first.survey.untestable) discrepancy.candidates.push_back(candidate);
+  for (const Candidate& candidate : catalogue.untestable) discrepancy.candidates.push_back(candidate);
   discrepancy.findings.push_back(std::move(slip));
   return diagnosis;
 }

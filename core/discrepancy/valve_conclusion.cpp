@@ -3,8 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <boost/math/distributions/chi_squared.hpp>
-#include <boost/math/distributions/students_t.hpp>
 #include <cmath>
 #include <limits>
 #include <numeric>
@@ -16,6 +14,7 @@
 #include "core/discrepancy/own_parameters.h"
 #include "core/discrepancy/recording_slip.h"
 #include "core/residual/noise_floor.h"
+#include "core/statistics/distributions.h"
 
 namespace valvetriage {
 namespace {
@@ -81,8 +80,7 @@ bool is_uneven(std::span<const ShareIn> shares, double uneven, double inflation)
     deviation += share.deviation();
   }
   if (shares.empty()) return false;
-  const boost::math::chi_squared equal(static_cast<double>(shares.size()));
-  const double p = boost::math::cdf(boost::math::complement(equal, deviation / inflation));
+  const double p = chi_squared_upper_tail(static_cast<double>(shares.size()), deviation / inflation);
   return deviation > uneven * uneven * energy && p < kFalseAlarm;
 }
 
@@ -139,8 +137,7 @@ double family_probability(const std::vector<Ranked>& ranked, std::string_view fa
 double half_width95(const CauseOnGoodValves& good, int good_valves) {
   const int n = good.size_valves.value_or(good_valves);
   if (n < 2 || !(good.size_sd > 0)) return 0;
-  const boost::math::students_t student(n - 1);
-  return boost::math::quantile(student, 0.975) * good.size_sd * std::sqrt(1 + 1.0 / n);
+  return student_t_half_width95(n - 1) * good.size_sd * std::sqrt(1 + 1.0 / n);
 }
 
 /// How far from an estimate the data allow a parameter, all else held: at least `half_width`, and on to where the cost
@@ -662,14 +659,21 @@ ValveDiagnosis conclude_search(const SearchedValve& searched, const ValveDiagnos
   return diagnosis;
 }
 
+ValveDiagnosis with_baseline(ValveDiagnosis diagnosis, const Explanation& baseline) {
+  diagnosis.baseline_model = baseline.model();
+  diagnosis.baseline = runs_of(as_shown(baseline));
+  return diagnosis;
+}
+
 }  // namespace
 
 ValveDiagnosis conclude(const SearchedValve& searched, const ValveDiagnosisOptions& options) {
-  auto slip = recording_slip(searched);
-  ValveDiagnosis diagnosis = slip ? conclude_slip(searched, std::move(*slip)) : conclude_search(searched, options);
-  diagnosis.baseline_model = searched.baseline.model();
-  diagnosis.baseline = runs_of(as_shown(searched.baseline));
-  return diagnosis;
+  if (auto slip = slip_of_sign(searched.explanation)) return conclude_at_once(searched.baseline, std::move(*slip));
+  return with_baseline(conclude_search(searched, options), searched.baseline);
+}
+
+ValveDiagnosis conclude_at_once(const Explanation& baseline, Finding slip) {
+  return with_baseline(conclude_slip(baseline, std::move(slip)), baseline);
 }
 
 }  // namespace valvetriage

@@ -27,4 +27,7 @@ struct SearchedValve {
 /// and the test that would settle what is left open.
 ValveDiagnosis conclude(const SearchedValve& searched, const ValveDiagnosisOptions& options);
 
+/// The same where a slip of the recordings leaves nothing to search (recording_slip.h).
+ValveDiagnosis conclude_at_once(const Explanation& baseline, Finding slip);
+
 }  // namespace valvetriage

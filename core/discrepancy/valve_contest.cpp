@@ -1,9 +1,6 @@
 #include "core/discrepancy/valve_contest.h"
 
 #include <algorithm>
-#include <boost/math/distributions/chi_squared.hpp>
-#include <boost/math/distributions/normal.hpp>
-#include <boost/math/distributions/students_t.hpp>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -17,6 +14,7 @@
 #include "core/discrepancy/own_parameters.h"
 #include "core/discrepancy/slip_search.h"
 #include "core/discrepancy/valve_catalogue.h"
+#include "core/statistics/distributions.h"
 
 namespace valvetriage {
 namespace {
@@ -108,9 +106,8 @@ double noise_reduction(const LawVariant& variant, Index freedoms, const ValveFit
   const std::string_view cause = variant.law.law->cause;
   const bool at_any_frequency = cause == "periodic_disturbance" || cause == "self_oscillation";
   if (at_any_frequency) searched = samples / static_cast<double>(recordings);
-  const boost::math::chi_squared of_one(static_cast<double>(freedoms));
   const double of_largest =
-      boost::math::quantile(boost::math::complement(of_one, std::exp(-std::numbers::egamma) / searched));
+      chi_squared_upper_quantile(static_cast<double>(freedoms), std::exp(-std::numbers::egamma) / searched);
   return std::max(static_cast<double>(freedoms), of_largest);
 }
 
@@ -333,8 +330,7 @@ double scatter_between(const Ranked& a, const Ranked& b, const ValveDiagnosisOpt
   }
   if (!(variance > 0) || options.good_valves < 2) return 0;
   const double n = options.good_valves;
-  const boost::math::students_t student(n - 1);
-  return boost::math::quantile(boost::math::complement(student, kRareInGoodValves)) * std::sqrt(variance * (1 + 1 / n));
+  return student_t_upper_quantile(n - 1, kRareInGoodValves) * std::sqrt(variance * (1 + 1 / n));
 }
 
 bool are_kin(const Ranked& a, const Ranked& b) {
@@ -433,7 +429,7 @@ bool does_as_much(const Ranked& winner, const Ranked& rival) {
 bool is_matched_by(const Ranked& winner, const Ranked& rival) {
   if (!winner.sticks || !rival.fitted_jointly) return false;
   const double z = contrast(winner.residual, rival.residual).z;
-  return boost::math::cdf(boost::math::complement(boost::math::normal(), z)) > kFalseAlarm;
+  return normal_upper_tail(z) > kFalseAlarm;
 }
 
 /// A fitted law is never the whole physics: where a rival removes nearly as much of the cost, or ranks above,
@@ -657,8 +653,7 @@ bool leaves_memory(const Mechanism& law, const VectorXd& v, const ValveDiagnosis
   const Index other = law.memory->has_corners ? ValveFitProblem::kLoop : ValveFitProblem::kNarrowLoop;
   const ValvePrior& good = *options.fit.prior;
   const double excess = (v(other) - good.mean(other)) / std::sqrt(good.covariance(other, other));
-  const boost::math::students_t student(options.good_valves - 1);
-  return boost::math::cdf(boost::math::complement(student, excess)) < kNamedFalseAlarm;
+  return student_t_upper_tail(options.good_valves - 1, excess) < kNamedFalseAlarm;
 }
 
 const CauseOnGoodValves* on_good_valves(std::span<const CauseOnGoodValves> causes, std::string_view cause) {

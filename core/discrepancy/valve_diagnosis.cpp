@@ -8,6 +8,7 @@
 #include "core/discrepancy/instants.h"
 #include "core/discrepancy/joint_fits.h"
 #include "core/discrepancy/leftover.h"
+#include "core/discrepancy/recording_slip.h"
 #include "core/discrepancy/valve_conclusion.h"
 #include "core/discrepancy/valve_contest.h"
 
@@ -32,6 +33,7 @@ class Diagnosis {
       : options_(options), baseline_(explain_nothing(recordings, options.fit, baseline)) {}
 
   ValveDiagnosis run() {
+    if (auto slip = slip_of_gauge_or_unit(baseline_)) return conclude_at_once(baseline_, std::move(*slip));
     report_stage(options_.report, 0, "trying every known cause");
     first_ = hold_contest(baseline_, options_);
     for (int again = 0; again < kMostBaselines && take_better_baseline(); ++again) {

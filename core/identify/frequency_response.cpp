@@ -3,14 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <boost/math/distributions/fisher_f.hpp>
-#include <boost/math/distributions/students_t.hpp>
 #include <cmath>
 #include <numbers>
 #include <numeric>
 
 #include "core/identify/response_spectra.h"
 #include "core/identify/spectrum.h"
+#include "core/statistics/distributions.h"
 
 namespace valvetriage {
 namespace {
@@ -362,8 +361,7 @@ std::vector<double> unwrapped_phase_deg(std::span<const ResponsePoint> points) {
 }
 
 double gain_half_width95(const ResponsePoint& point) {
-  const boost::math::students_t t(std::max(1.0, 2 * point.degrees_of_freedom));
-  return boost::math::quantile(t, 0.975) * point.std_error / std::numbers::sqrt2;
+  return student_t_half_width95(std::max(1.0, 2 * point.degrees_of_freedom)) * point.std_error / std::numbers::sqrt2;
 }
 
 std::optional<AmplitudeDependence> compare_amplitudes(const FrequencyResponse& low, const FrequencyResponse& high) {
@@ -395,8 +393,7 @@ std::optional<AmplitudeDependence> compare_amplitudes(const FrequencyResponse& l
   const auto n = static_cast<double>(d.points);
   d.change_rms = std::sqrt(std::max(0.0, (change - expected) / n));
   d.expected = std::sqrt(expected / n);
-  const boost::math::fisher_f f(2 * n, 2 * std::max(freedom, 1.0));
-  d.p_value = boost::math::cdf(boost::math::complement(f, statistic / n));
+  d.p_value = fisher_f_upper_tail(2 * n, 2 * std::max(freedom, 1.0), statistic / n);
   return d;
 }
 

@@ -1,9 +1,10 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <array>
-#include <boost/math/distributions/fisher_f.hpp>
 #include <cmath>
 #include <optional>
+
+#include "core/statistics/distributions.h"
 
 #include "core/identify/response_spectra.h"
 
@@ -230,7 +231,7 @@ bool holds_a_resonance(const WindowEstimate& parabola, const WindowEstimate& rat
   if (rational.points.empty() || !(rational.noise() < kResonanceLeaves * parabola.noise())) return false;
   const double further = 2 * (parabola.freedom - rational.freedom), left = 2 * rational.freedom;
   const double f = (parabola.residual - rational.residual) / further / std::max(rational.residual / left, 1e-300);
-  return boost::math::cdf(boost::math::complement(boost::math::fisher_f(further, left), f)) < kChance;
+  return fisher_f_upper_tail(further, left, f) < kChance;
 }
 
 /// A parabola where it describes the window, the local rational function where it is plainly none.

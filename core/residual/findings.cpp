@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <boost/math/distributions/students_t.hpp>
 #include <cmath>
 #include <complex>
 #include <limits>
@@ -12,6 +11,7 @@
 
 #include "core/identify/spectrum.h"
 #include "core/model/magnetic_loop.h"
+#include "core/statistics/distributions.h"
 
 namespace valvetriage {
 namespace {
@@ -146,7 +146,7 @@ Clustered clustered_t(const Samples& all, const Column& e, const Column& x) {
   variance = std::max(variance + neighbours, variance) * carriers / freedoms;
   if (!(variance > 0)) return result;
   result.t = sum / std::sqrt(variance);
-  result.p = 2 * boost::math::cdf(boost::math::students_t(freedoms), -std::abs(result.t));
+  result.p = 2 * student_t_upper_tail(freedoms, std::abs(result.t));
   result.explained = std::max((sum * sum - variance) / square, 0.0);
   return result;
 }
@@ -458,8 +458,9 @@ class Search {
     }
     if (!(error > 0)) return result;
     result.t = (mean[1] - mean[0]) / std::sqrt(error);
-    const boost::math::students_t t(std::max(error * error / fourth, 1.0));
-    result.p = both_sides ? 2 * boost::math::cdf(t, -std::abs(result.t)) : boost::math::cdf(t, -result.t);
+    const double freedoms = std::max(error * error / fourth, 1.0);
+    result.p =
+        both_sides ? 2 * student_t_upper_tail(freedoms, std::abs(result.t)) : student_t_upper_tail(freedoms, result.t);
     result.effect = std::exp(0.5 * (mean[1] - mean[0]));
     return result;
   }

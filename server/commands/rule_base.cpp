@@ -13,7 +13,7 @@
 namespace valvetriage {
 namespace {
 
-struct LearnArguments {
+struct RuleBaseArguments {
   std::string table;
   std::string output;
   std::string name = "learned";
@@ -24,7 +24,7 @@ struct LearnArguments {
 };
 
 /// The window that the errors of a table stand for; none where nobody says.
-Result<std::optional<FeatureWindow>> window_of(const LearnArguments& arguments) {
+Result<std::optional<FeatureWindow>> window_of(const RuleBaseArguments& arguments) {
   if (arguments.rate_hz > 0) return FeatureWindow{arguments.rate_hz, arguments.duration_s, arguments.unit};
   if (arguments.reference.empty()) return std::nullopt;
   return open_reference(arguments.reference).map([&](const Reference& reference) -> std::optional<FeatureWindow> {
@@ -32,7 +32,7 @@ Result<std::optional<FeatureWindow>> window_of(const LearnArguments& arguments) 
   });
 }
 
-Result<LearnedRuleBase> learn(const LearnArguments& arguments) {
+Result<LearnedRuleBase> learn(const RuleBaseArguments& arguments) {
   LearnOptions options{.name = arguments.name};
   auto window = window_of(arguments);
   if (!window) return tl::unexpected(window.error());
@@ -44,7 +44,7 @@ Result<LearnedRuleBase> learn(const LearnArguments& arguments) {
   });
 }
 
-ExitStatus run_learn(const LearnArguments& arguments) {
+ExitStatus run_learn_rule_base(const RuleBaseArguments& arguments) {
   const auto learned = learn(arguments);
   if (!learned) {
     print_error(learned.error());
@@ -75,7 +75,7 @@ void add_rule_base_command(CLI::App& app, int& exit_status) {
   CLI::App* group = app.add_subcommand("rule-base", "Rule bases: learn one from labelled valves");
   group->require_subcommand(1);
   CLI::App* verb = group->add_subcommand("learn", "A rule base from a table of valves with a verdict column");
-  auto arguments = std::make_shared<LearnArguments>();
+  auto arguments = std::make_shared<RuleBaseArguments>();
   verb->add_option("TABLE.csv", arguments->table,
                    "error_low,error_high (or error_<level in A>),verdict; - is standard input")
       ->required();
@@ -94,7 +94,7 @@ void add_rule_base_command(CLI::App& app, int& exit_status) {
   rate->needs(duration);
   duration->needs(rate);
   unit->needs(rate);
-  verb->callback([arguments, &exit_status] { exit_status = run_learn(*arguments); });
+  verb->callback([arguments, &exit_status] { exit_status = run_learn_rule_base(*arguments); });
 }
 
 }  // namespace valvetriage

@@ -15,12 +15,12 @@
 #include <thread>
 
 #include "server/http/endpoint.h"
+#include "server/http/limits.h"
 #include "server/http/request_head.h"
 
 namespace valvetriage::http {
 namespace {
 
-constexpr std::size_t kPieceBytes = 64 * 1024;
 constexpr time_t kConnectTimeout_s = 10;
 constexpr time_t kAnswerTimeout_s = 120;  // a server that fsyncs a large upload on a slow disk
 

@@ -15,7 +15,6 @@
 namespace valvetriage::http {
 namespace {
 
-constexpr std::size_t kPieceBytes = 64 * 1024;
 constexpr std::size_t kMaxNameBytes = 200;
 // Between two looks at the disk: many uploads at once write no more than this each below what is to stay free.
 constexpr std::size_t kBytesBetweenLooks = 4 << 20;

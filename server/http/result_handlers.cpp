@@ -6,13 +6,12 @@
 #include <memory>
 
 #include "server/http/handlers.h"
+#include "server/http/limits.h"
 #include "server/http/subject.h"
 #include "server/http/views.h"
 
 namespace valvetriage::http {
 namespace {
-
-constexpr std::size_t kPieceBytes = 64 * 1024;
 
 /// An open file that closes itself.
 class OpenFile {

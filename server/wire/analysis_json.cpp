@@ -17,7 +17,7 @@
 namespace valvetriage {
 namespace {
 
-constexpr const char* kSchema = "valvetriage.analysis/1";
+constexpr const char* kAnalysisSchema = "valvetriage.analysis/1";
 
 constexpr std::array<std::pair<BaselineKind, const char*>, 3> kBaselineKinds{
     {{BaselineKind::kReference, "reference"}, {BaselineKind::kSelf, "self"}, {BaselineKind::kPaper, "paper"}}};
@@ -303,7 +303,7 @@ std::string result_sha256(Json document) {
 }
 
 Json to_json(const Analysis& analysis, const AnalysisMaking& making) {
-  Json document{{"schema", kSchema},
+  Json document{{"schema", kAnalysisSchema},
                 {"engine", {{"version", making.engine_version}, {"settings_sha256", making.settings_sha256}}},
                 {"result_sha256", nullptr},
                 {"recordings", list_to_json(analysis.recordings, to_json)},
@@ -321,8 +321,8 @@ Json to_json(const Analysis& analysis, const AnalysisMaking& making) {
 Result<AnalysisDocument> analysis_from_json(const Json& document) {
   std::optional<Error> error;
   JsonFields fields(document, "", error);
-  if (fields.ok() && fields.text_or("schema", "") != kSchema) {
-    return fail("not_an_analysis", fmt::format("this is no analysis: expected \"schema\": \"{}\"", kSchema));
+  if (fields.ok() && fields.text_or("schema", "") != kAnalysisSchema) {
+    return fail("not_an_analysis", fmt::format("this is no analysis: expected \"schema\": \"{}\"", kAnalysisSchema));
   }
   AnalysisDocument read;
   JsonFields engine = fields.object("engine");

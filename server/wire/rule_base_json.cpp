@@ -12,7 +12,7 @@
 namespace valvetriage {
 namespace {
 
-constexpr std::string_view kSchema = "valvetriage.rule_base/1";
+constexpr std::string_view kRuleBaseSchema = "valvetriage.rule_base/1";
 /// Bounds on what a rule base may cost: the check evaluates every rule on a grid.
 constexpr std::size_t kMaxLevels = 16;
 constexpr std::size_t kMaxSets = 16;
@@ -129,8 +129,8 @@ Operator read_operator(JsonFields& fields, std::string_view name) {
 }
 
 RuleBase read_rule_base(JsonFields& fields) {
-  if (fields.text("schema") != kSchema && fields.ok()) {
-    fields.refuse("schema", "unknown_value", fmt::format("must be '{}'", kSchema));
+  if (fields.text("schema") != kRuleBaseSchema && fields.ok()) {
+    fields.refuse("schema", "unknown_value", fmt::format("must be '{}'", kRuleBaseSchema));
   }
   RuleBase base{.name = fields.text("name"), .version = fields.text("version")};
   base.description = fields.text_or("description", "");
@@ -222,7 +222,7 @@ Result<RuleBase> rule_base_from_json(std::string_view text) {
 }
 
 Json to_json(const RuleBase& base) {
-  Json json{{"schema", kSchema}, {"name", base.name}, {"version", base.version}};
+  Json json{{"schema", kRuleBaseSchema}, {"name", base.name}, {"version", base.version}};
   if (!base.description.empty()) json["description"] = base.description;
   if (base.window) {
     json["rate_hz"] = base.window->rate_hz;

@@ -12,7 +12,7 @@
 namespace {
 
 using valvetriage::bench::processor_seconds;
-using valvetriage::testing::plant_s;
+using valvetriage::test::plant_s;
 
 double floor_transforms(std::vector<double>& u, std::vector<double>& y) {
   const double start = processor_seconds();
@@ -30,8 +30,8 @@ double floor_transforms(std::vector<double>& u, std::vector<double>& y) {
 void response_of_a_million_samples(benchmark::State& state) {
   constexpr std::size_t kSamples = 1'000'000;
   auto recording =
-      valvetriage::testing::recording_of(plant_s(470, {2.4}, {{25, 0.75}}, {}, 0.004),
-                                         valvetriage::testing::swept_sine(kSamples, 200, 0.2, 20, 0.1), 200, 0.35);
+      valvetriage::test::recording_of(plant_s(470, {2.4}, {{25, 0.75}}, {}, 0.004),
+                                      valvetriage::test::swept_sine(kSamples, 200, 0.2, 20, 0.1), 200, 0.35);
   const valvetriage::Recording* const one[] = {&recording};
   double floor_total = 0, total = 0;
   for (auto _ : state) {
@@ -69,7 +69,7 @@ void fit_of_order_nine(benchmark::State& state) {
   double floor_total = 0, total = 0;
   std::uint32_t seed = 0;
   for (auto _ : state) {
-    const auto response = valvetriage::testing::response_of(truth, 0.2, 80, 200, 0.01, ++seed);
+    const auto response = valvetriage::test::response_of(truth, 0.2, 80, 200, 0.01, ++seed);
     const double start = processor_seconds();
     auto fit = valvetriage::fit_rational(response, {.order = 9, .zeros = 3});
     const double seconds = processor_seconds() - start;

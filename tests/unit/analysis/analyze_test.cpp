@@ -12,7 +12,7 @@
 namespace valvetriage {
 namespace {
 
-constexpr double kNoise_psi = 0.35;
+using test::kNoise_psi;
 
 test::MadeValve slow_valve() {
   test::MadeValve valve;

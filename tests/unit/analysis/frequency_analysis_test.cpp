@@ -9,9 +9,9 @@
 namespace valvetriage {
 namespace {
 
-using testing::plant_s;
-using testing::recording_of;
-using testing::swept_sine;
+using test::plant_s;
+using test::recording_of;
+using test::swept_sine;
 
 double feature(const FrequencyResult& result, const std::string& name) {
   const auto found = std::find_if(result.features.begin(), result.features.end(),
@@ -36,7 +36,7 @@ Recording steps_of(const TransferFunction& g, double noise_sd) {
   model.input_offset = 1.6;
   model.output_offset = 100;
   recording.output.values = simulate(model, recording, InitialState{}).value();
-  testing::Normal normal(9);
+  test::Normal normal(9);
   for (double& y : recording.output.values) y += noise_sd * normal();
   return recording;
 }

@@ -10,7 +10,7 @@
 namespace valvetriage {
 namespace {
 
-constexpr double kNoise_psi = 0.35;
+using test::kNoise_psi;
 
 /// Good valves with a spread of 5 % in the volume's time constant, 2 % in scale, 0.3 ms in delay.
 std::vector<ValveRecordings> population(int valves, unsigned seed, double current = 1) {

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "server/wire/rule_base_json.h"
+#include "tests/unit/classify/table_one.h"
 
 namespace valvetriage {
 namespace {
@@ -11,9 +12,6 @@ using Kind = RuleBaseFinding::Kind;
 
 RuleBase paper() {
   return embedded_rule_base("paper").value();
-}
-RuleBase calibrated() {
-  return embedded_rule_base("calibrated").value();
 }
 
 struct Interval {
@@ -35,7 +33,7 @@ void expect_findings(const RuleBase& base, const std::vector<Interval>& expected
 }
 
 TEST(CheckRuleBase, FindsNothingInCalibrated) {
-  EXPECT_TRUE(check_rule_base(calibrated()).empty());
+  EXPECT_TRUE(check_rule_base(test::calibrated()).empty());
 }
 
 TEST(CheckRuleBase, SaysExactlyWhereThePaperIsNotMonotoneAndWhereItsPartsDisagree) {
@@ -51,11 +49,11 @@ TEST(CheckRuleBase, SaysExactlyWhereThePaperIsNotMonotoneAndWhereItsPartsDisagre
 
 TEST(CheckRuleBase, AcceptsBothThatComeWithTheProduct) {
   EXPECT_TRUE(require_sound(paper()));
-  EXPECT_TRUE(require_sound(calibrated()));
+  EXPECT_TRUE(require_sound(test::calibrated()));
 }
 
 TEST(CheckRuleBase, FindsAHoleBetweenTwoSets) {
-  RuleBase base = calibrated();
+  RuleBase base = test::calibrated();
   auto& sets = base.levels[0].inputs[0].sets;
   sets[0].shape = left_trapezoid(0.9, 1.0);
   sets[1].shape = {1.2, 1.25, 1.27, 1.6};
@@ -68,7 +66,7 @@ TEST(CheckRuleBase, FindsAHoleBetweenTwoSets) {
 }
 
 TEST(CheckRuleBase, FindsATouchingPairOfSetsWhereNothingFiresAtOnePoint) {
-  RuleBase base = calibrated();
+  RuleBase base = test::calibrated();
   auto& sets = base.levels[0].inputs[0].sets;
   sets[0].shape = left_trapezoid(0.9, 1.1);
   sets[1].shape = {1.1, 1.25, 1.27, 1.6};
@@ -76,7 +74,7 @@ TEST(CheckRuleBase, FindsATouchingPairOfSetsWhereNothingFiresAtOnePoint) {
 }
 
 TEST(CheckRuleBase, FindsAWorseErrorWithABetterVerdict) {
-  RuleBase base = calibrated();
+  RuleBase base = test::calibrated();
   base.levels[0].rules[2].then = Verdict::kGood;
   const auto sound = require_sound(base);
   ASSERT_FALSE(sound);
@@ -84,7 +82,7 @@ TEST(CheckRuleBase, FindsAWorseErrorWithABetterVerdict) {
 }
 
 TEST(CheckRuleBase, FindsAWorseRiseTimeWithABetterVerdict) {
-  RuleBase base = calibrated();
+  RuleBase base = test::calibrated();
   LevelRules& level = base.levels[0];
   level.inputs.push_back(
       {Quantity::kRiseTime, {{"fast", left_trapezoid(0.1, 0.2)}, {"slow", right_trapezoid(0.1, 0.2)}}});

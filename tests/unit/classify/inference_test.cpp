@@ -19,10 +19,6 @@ double centroid(std::vector<FiredSet> fired, Implication implication) {
   return exact_centroid(fired, implication).value();
 }
 
-RuleBase calibrated() {
-  return embedded_rule_base("calibrated").value();
-}
-
 TEST(ExactCentroid, OfATriangleIsTheMeanOfItsCorners) {
   EXPECT_NEAR(centroid({{{0, 1, 1, 5}, 1}}, kClip), 2.0, 1e-14);
   EXPECT_NEAR(centroid({{{0, 1, 1, 5}, 0.3}}, kScale), 2.0, 1e-14);
@@ -89,7 +85,7 @@ TEST(Classify, TakesTheWorseOfTheLevels) {
   const LevelFeatures good_low{.level_a = 1.4, .error_eq20 = 1.0};
   const LevelFeatures severe_high{.level_a = 1.6, .error_eq20 = 1.2};
   const LevelFeatures both[] = {severe_high, good_low};
-  const auto result = classify(calibrated(), both).value();
+  const auto result = classify(test::calibrated(), both).value();
   EXPECT_EQ(result.verdict, Verdict::kSevere);
   EXPECT_EQ(result.memberships, (Memberships{0, 0, 1}));
   ASSERT_EQ(result.per_level.size(), 2u);
@@ -99,7 +95,7 @@ TEST(Classify, TakesTheWorseOfTheLevels) {
 
 TEST(Classify, HasNoVerdictWhereALevelIsMissing) {
   const LevelFeatures low[] = {{.level_a = 1.4, .error_eq20 = 1.0}};
-  const auto result = classify(calibrated(), low).value();
+  const auto result = classify(test::calibrated(), low).value();
   EXPECT_FALSE(result.verdict);
   EXPECT_EQ(result.reason, Unclassified::kLevelMissing);
   EXPECT_EQ(result.missing_levels, std::vector<std::string>{"high"});
@@ -107,7 +103,7 @@ TEST(Classify, HasNoVerdictWhereALevelIsMissing) {
 }
 
 TEST(Classify, MatchesLevelsWithinTheToleranceAndNotBeyond) {
-  const RuleBase base = calibrated();
+  const RuleBase base = test::calibrated();
   const LevelFeatures inside[] = {{.level_a = 1.4 + 0.9 * kLevelTolerance, .error_eq20 = 1},
                                   {.level_a = 1.6, .error_eq20 = 0.9}};
   const LevelFeatures beyond[] = {{.level_a = 1.4 + 1.1 * kLevelTolerance, .error_eq20 = 1},
@@ -117,7 +113,7 @@ TEST(Classify, MatchesLevelsWithinTheToleranceAndNotBeyond) {
 }
 
 TEST(Classify, ReportsTheStrengthOfEveryRuleThatTookPart) {
-  const RuleBase base = calibrated();
+  const RuleBase base = test::calibrated();
   const auto level = classify_level(base, base.levels[0], {.level_a = 1.4, .error_eq20 = 1.1}).value();
   ASSERT_EQ(level.rules.size(), 3u);
   double sum = 0;
@@ -127,7 +123,7 @@ TEST(Classify, ReportsTheStrengthOfEveryRuleThatTookPart) {
 }
 
 TEST(Classify, RefusesAnErrorThatIsNotFinite) {
-  const RuleBase base = calibrated();
+  const RuleBase base = test::calibrated();
   const double nan = std::numeric_limits<double>::quiet_NaN();
   EXPECT_EQ(classify_level(base, base.levels[0], {.level_a = 1.4, .error_eq20 = nan}).error().code, "not_finite");
   EXPECT_EQ(classify_level(base, base.levels[0], {.level_a = 1.4, .error_eq20 = kOpen}).error().code, "not_finite");

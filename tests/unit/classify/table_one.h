@@ -4,12 +4,17 @@
 
 #include "core/classify/learn.h"
 #include "core/classify/paper_table.h"
+#include "server/wire/rule_base_json.h"
 
 namespace valvetriage::test {
 
 inline LabelledValve labelled(const PaperTableRow& row) {
   return {row.verdict(),
           {{.level_a = 1.4, .error_eq20 = row.error_low}, {.level_a = 1.6, .error_eq20 = row.error_high}}};
+}
+
+inline RuleBase calibrated() {
+  return embedded_rule_base("calibrated").value();
 }
 
 /// Table I as labelled valves.

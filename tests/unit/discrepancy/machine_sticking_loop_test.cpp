@@ -15,7 +15,7 @@ namespace {
 
 using namespace machines;
 
-constexpr std::size_t kSamples = 1200;
+constexpr std::size_t kLoopSamples = 1200;
 constexpr double kBreakaway = 2.5, kKinetic = 1.0;  // percent of the controller's output
 
 /// A valve that holds until the force on it passes its breakaway.
@@ -33,14 +33,14 @@ struct Valve {
 struct Loop {
   Valve valve;
   bool integrates = false;
-  Signal load = Signal(kSamples, 0.0), set_point = Signal(kSamples, 0.0);
+  Signal load = Signal(kLoopSamples, 0.0), set_point = Signal(kLoopSamples, 0.0);
   double noise = 0.1, rounding = 0;
 
   Recording run(std::uint64_t seed) {
     Noise random(seed);
-    Signal u(kSamples), y(kSamples);
+    Signal u(kLoopSamples), y(kLoopSamples);
     double sum = 0, state = 0, before = 0;
-    for (std::size_t t = 0; t < kSamples; ++t) {
+    for (std::size_t t = 0; t < kLoopSamples; ++t) {
       y[t] = state + noise * random.normal();
       if (rounding > 0) y[t] = rounding * std::round(y[t] / rounding);
       const double error = set_point[t] - y[t];
@@ -60,27 +60,27 @@ Signal scaled(Signal x, double factor) {
 
 /// A wave of ±1 of so many samples each period.
 Signal square_wave(std::size_t period) {
-  Signal x(kSamples);
+  Signal x(kLoopSamples);
   for (std::size_t t = 0; t < x.size(); ++t) x[t] = t % period < period / 2 ? 1 : -1;
   return x;
 }
 
 Signal sine(double period) {
-  Signal x(kSamples);
+  Signal x(kLoopSamples);
   for (std::size_t t = 0; t < x.size(); ++t) x[t] = std::sin(2 * std::numbers::pi * static_cast<double>(t) / period);
   return x;
 }
 
 Signal walk(std::uint64_t seed) {
   Noise random(seed);
-  Signal x(kSamples);
+  Signal x(kLoopSamples);
   for (std::size_t t = 1; t < x.size(); ++t) x[t] = x[t - 1] + 0.2 * random.normal();
   return x;
 }
 
 TEST(StickingLoop, AFlowLoopThatCyclesByItsValveTellsTheBreakaway) {
   for (const std::uint64_t seed : {1, 2, 3}) {
-    Loop loop{.valve = {kBreakaway, kKinetic}, .load = scaled(coloured(kSamples, 40, seed + 10), 1)};
+    Loop loop{.valve = {kBreakaway, kKinetic}, .load = scaled(coloured(kLoopSamples, 40, seed + 10), 1)};
     const auto found = sticking_loop(loop.run(seed));
     ASSERT_TRUE(found.has_value()) << "seed " << seed;
     EXPECT_NEAR(found->breakaway, kBreakaway, 0.2 * kBreakaway) << "seed " << seed;
@@ -91,14 +91,14 @@ TEST(StickingLoop, AFlowLoopThatCyclesByItsValveTellsTheBreakaway) {
 }
 
 TEST(StickingLoop, AValveUnderASteppingSetPointIsFoundAsWell) {
-  Loop loop{.valve = {kBreakaway, kKinetic}, .set_point = scaled(two_levels(kSamples, 100, 5), 4)};
+  Loop loop{.valve = {kBreakaway, kKinetic}, .set_point = scaled(two_levels(kLoopSamples, 100, 5), 4)};
   EXPECT_TRUE(sticking_loop(loop.run(4)).has_value());
 }
 
 TEST(StickingLoop, ALevelLoopThatCyclesByItsValveIsFound) {
   Loop loop{.valve = {kBreakaway, kKinetic},
             .integrates = true,
-            .load = scaled(coloured(kSamples, 60, 6), 0.5),
+            .load = scaled(coloured(kLoopSamples, 60, 6), 0.5),
             .noise = 0.02};
   EXPECT_TRUE(sticking_loop(loop.run(7)).has_value());
 }
@@ -114,17 +114,17 @@ TEST(StickingLoop, AHealthyLoopHasNoStickingValveHoweverItIsDisturbed) {
             << what << (integrates ? " on a level" : " on a flow") << ", seed " << seed;
       };
       expect_none({.load = walk(seed + 20)}, "walk");
-      expect_none({.load = scaled(two_levels(kSamples, 60, seed + 30), 3)}, "load steps");
+      expect_none({.load = scaled(two_levels(kLoopSamples, 60, seed + 30), 3)}, "load steps");
       expect_none({.load = scaled(square_wave(50), 2)}, "square wave");
       expect_none({.load = scaled(sine(37), 3)}, "sine");
-      expect_none({.load = scaled(coloured(kSamples, 20, seed + 40), 2), .rounding = 4 * noise}, "rounded reading");
-      expect_none({.set_point = scaled(two_levels(kSamples, 80, seed + 50), 4)}, "set-point steps");
+      expect_none({.load = scaled(coloured(kLoopSamples, 20, seed + 40), 2), .rounding = 4 * noise}, "rounded reading");
+      expect_none({.set_point = scaled(two_levels(kLoopSamples, 80, seed + 50), 4)}, "set-point steps");
     }
   }
 }
 
 TEST(StickingLoop, AStickingValveInALoopIsGivenAsFrictionWithWhatElseHoldsAnInputBack) {
-  Loop loop{.valve = {kBreakaway, kKinetic}, .load = scaled(coloured(kSamples, 40, 11), 1)};
+  Loop loop{.valve = {kBreakaway, kKinetic}, .load = scaled(coloured(kLoopSamples, 40, 11), 1)};
   const Recording recording = loop.run(1);
   const auto diagnosis = diagnose_machine(std::span(&recording, 1), MachineOptions{});
   ASSERT_TRUE(diagnosis.has_value());

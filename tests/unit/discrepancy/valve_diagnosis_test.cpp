@@ -20,7 +20,7 @@
 namespace valvetriage {
 namespace {
 
-constexpr double kNoise_psi = 0.35;
+using test::kNoise_psi;
 
 /// A population around the made-up valve: what eight good ones of the stand differ by, and no bias of the simulation.
 struct Population {

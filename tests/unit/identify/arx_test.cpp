@@ -9,7 +9,7 @@
 namespace valvetriage {
 namespace {
 
-using namespace testing;
+using namespace test;
 
 TEST(Arx, FindsThePlantExactlyWithoutNoiseThroughGapsAndOverRecordings) {
   const Plant plant = second_order_valve();

@@ -10,8 +10,8 @@
 namespace valvetriage {
 namespace {
 
-using testing::plant_s;
-using testing::response_of;
+using test::plant_s;
+using test::response_of;
 
 std::vector<double> corners_hz(const std::vector<std::complex<double>>& roots) {
   std::vector<double> hz;

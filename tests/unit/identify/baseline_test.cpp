@@ -7,7 +7,7 @@
 namespace valvetriage {
 namespace {
 
-using namespace testing;
+using namespace test;
 
 std::vector<Recording> step_test(double noise, std::uint32_t seed) {
   std::vector<double> u(2400, 1.4);

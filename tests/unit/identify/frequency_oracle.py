@@ -141,7 +141,7 @@ def main():
     print("#pragma once\n")
     print("// Made by tests/unit/identify/frequency_oracle.py with SciPy; see there.\n")
     print("// clang-format off\n#include <complex>\n#include <vector>\n")
-    print("namespace valvetriage::testing {\n")
+    print("namespace valvetriage::test {\n")
     print("struct OracleFit {\n  int order, zeros;\n  std::vector<double> frequency_hz;\n"
           "  std::vector<std::complex<double>> exact, measured;\n  std::vector<double> std_error;\n"
           "  double chi_square, static_gain, delay_s;\n  std::vector<std::complex<double>> poles, fitted_zeros;\n};\n")
@@ -150,7 +150,7 @@ def main():
     print_fits()
     print_corners()
     print_sweep()
-    print("}  // namespace valvetriage::testing")
+    print("}  // namespace valvetriage::test")
 
 
 if __name__ == "__main__":

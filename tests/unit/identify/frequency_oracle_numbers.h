@@ -6,7 +6,7 @@
 #include <complex>
 #include <vector>
 
-namespace valvetriage::testing {
+namespace valvetriage::test {
 
 struct OracleFit {
   int order, zeros;
@@ -72,4 +72,4 @@ inline const std::vector<OracleCorners> kOracleCorners{
 /// Every hundredth sample of the output about its steady value: 0.1 A from 0.2 to 20 Hz in 20 s at 200 Hz.
 inline const std::vector<double> kOracleSweepOutput{0, 24.898219394, 44.9942824191, 39.8469196857, 4.54611296854, -37.5646516895, -39.9576826973, 12.2824939912, 45.4410257853, -10.8077052932, -39.6637349424, 38.3517360824, -8.7775355482, -14.5140070642, 22.6596056531, -16.703966755, -6.14560264002, 37.1499434785, -18.2933383063, -37.9773914318, -33.6452746555, -34.453434425, -16.8819448194, 30.5033296608, -28.0351919174, 17.1534857501, 24.2498540569, 16.9867832918, -19.9078678919, 13.3066747815, 13.7071467427, -13.559042155, 5.74608444327, -8.84366398209, 8.45510646036, -7.44914940021, -4.35028223324, 7.12522797599, -6.12614667505, 3.8948414779};
 
-}  // namespace valvetriage::testing
+}  // namespace valvetriage::test

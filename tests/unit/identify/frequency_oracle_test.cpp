@@ -12,11 +12,11 @@
 namespace valvetriage {
 namespace {
 
-using testing::kOracleCorners;
-using testing::kOracleFits;
-using testing::OracleCorners;
-using testing::OracleFit;
-using testing::plant_s;
+using test::kOracleCorners;
+using test::kOracleFits;
+using test::OracleCorners;
+using test::OracleFit;
+using test::plant_s;
 
 /// As SYSTEMS in frequency_oracle.py.
 TransferFunction system_of(int order) {
@@ -109,9 +109,9 @@ TEST(FrequencyOracle, TheRealCornersThatMinimiseVAreTheSame) {
 TEST(FrequencyOracle, ASweepThroughAContinuousPlantIsTheSame) {
   TransferFunction prompt = system_of(3);
   prompt.delay_s = 0;
-  const auto recording = testing::recording_of(prompt, testing::swept_sine(4000, 200, 0.2, 20, 0.1), 200);
-  for (std::size_t i = 0; i < testing::kOracleSweepOutput.size(); ++i) {
-    EXPECT_NEAR(recording.output.values[100 * i] - 100, testing::kOracleSweepOutput[i], 1e-6) << i;
+  const auto recording = test::recording_of(prompt, test::swept_sine(4000, 200, 0.2, 20, 0.1), 200);
+  for (std::size_t i = 0; i < test::kOracleSweepOutput.size(); ++i) {
+    EXPECT_NEAR(recording.output.values[100 * i] - 100, test::kOracleSweepOutput[i], 1e-6) << i;
   }
 }
 

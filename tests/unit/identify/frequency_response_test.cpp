@@ -9,9 +9,9 @@
 namespace valvetriage {
 namespace {
 
-using testing::plant_s;
-using testing::recording_of;
-using testing::swept_sine;
+using test::plant_s;
+using test::recording_of;
+using test::swept_sine;
 
 constexpr double kRateHz = 200;
 
@@ -40,7 +40,7 @@ TransferFunction valve() {
 
 /// A multisine on odd lines, every fourth of them empty.
 std::vector<double> odd_multisine(std::size_t period, std::size_t periods, double line_hz, double to_hz, double rms) {
-  testing::Normal normal(3);
+  test::Normal normal(3);
   std::vector<double> one(period, 0.0);
   int line = 0, used = 0;
   for (int h = 1; h * line_hz < to_hz; h += 2) {
@@ -60,7 +60,7 @@ std::vector<double> odd_multisine(std::size_t period, std::size_t periods, doubl
 
 RC_GTEST_PROP(Spectrum, EqualsItsDefinitionAtEveryLength, ()) {
   const auto n = *rc::gen::inRange<std::size_t>(1, 230);
-  testing::Normal normal(static_cast<std::uint32_t>(n));
+  test::Normal normal(static_cast<std::uint32_t>(n));
   std::vector<double> x(n);
   for (double& v : x) v = normal();
   const auto lines = spectrum(x);
@@ -146,7 +146,7 @@ TEST(FrequencyResponse, TellsEvenFromOddDistortion) {
 
 TEST(FrequencyResponse, ComesFromNoiseAndFromStepsToo) {
   const auto g = plant_s(100, {3}, {});
-  testing::Normal normal(11);
+  test::Normal normal(11);
   std::vector<double> noise(12000);
   for (double& u : noise) u = 1.6 + 0.1 * normal();
   auto from_noise = estimate(recording_of(g, noise, kRateHz, 0.05));
@@ -155,7 +155,7 @@ TEST(FrequencyResponse, ComesFromNoiseAndFromStepsToo) {
   std::erase_if(from_noise->points, [](const ResponsePoint& p) { return p.frequency_hz > 0.15 * kRateHz; });
   EXPECT_LT(deviation(*from_noise, g).in_sigmas, 6);
 
-  auto levels = testing::random_levels(12000, 40, 5);
+  auto levels = test::random_levels(12000, 40, 5);
   Recording steps;
   steps.sample_period_s = 1 / kRateHz;
   steps.input.values = levels;
@@ -262,11 +262,11 @@ TEST(FrequencyResponse, LeavesOutTheBandInWhichTheOutputStoodAtItsLimit) {
 
 TEST(PeriodOf, IsFoundInNoiseAndNotInASweep) {
   auto u = odd_multisine(1000, 4, 0.2, 15, 0.05);
-  testing::Normal normal(1);
+  test::Normal normal(1);
   for (double& v : u) v += 0.0005 * normal();
   EXPECT_EQ(period_of(u), 1000u);
   EXPECT_EQ(period_of(swept_sine(4000, kRateHz, 0.2, 20, 0.1)), 0u);
-  EXPECT_EQ(period_of(testing::random_levels(4000, 40, 1)), 0u);
+  EXPECT_EQ(period_of(test::random_levels(4000, 40, 1)), 0u);
 }
 
 }  // namespace

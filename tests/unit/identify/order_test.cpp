@@ -10,7 +10,7 @@
 namespace valvetriage {
 namespace {
 
-using namespace testing;
+using namespace test;
 using Poles = std::vector<std::complex<double>>;
 
 /// Static gain 470, two numerator coefficients.

@@ -10,7 +10,7 @@
 namespace valvetriage {
 namespace {
 
-using namespace testing;
+using namespace test;
 
 constexpr double kPeriod = 1.0 / 200;
 

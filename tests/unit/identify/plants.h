@@ -9,7 +9,7 @@
 
 #include "core/recording/recording.h"
 
-namespace valvetriage::testing {
+namespace valvetriage::test {
 
 /// A difference equation to take data from: y_t = Σ b_i u_{t−k−i} − Σ_{j≥1} a_j y_{t−j}, a[0] = 1, at rest before.
 struct Plant {
@@ -89,4 +89,4 @@ inline Plant second_order_valve() {
   return {.b = {b, b}, .a = {1, a1, a2}, .delay = 1};
 }
 
-}  // namespace valvetriage::testing
+}  // namespace valvetriage::test

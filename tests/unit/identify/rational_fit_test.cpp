@@ -9,8 +9,8 @@
 namespace valvetriage {
 namespace {
 
-using testing::plant_s;
-using testing::response_of;
+using test::plant_s;
+using test::response_of;
 
 /// Known systems of order five to nine, as a valve with lines and volumes around it has them.
 TransferFunction known_system(int order) {
@@ -139,7 +139,7 @@ TEST(RationalFit, HasStandardErrorsThatItsPolesKeepTo) {
 
 TEST(RationalFit, OfASampledSweepIsTheContinuousPlant) {
   const TransferFunction truth = plant_s(470, {2.4}, {{25, 0.75}}, {}, 0.004);
-  const auto recording = testing::recording_of(truth, testing::swept_sine(12000, 200, 0.2, 40, 0.1), 200, 0.1);
+  const auto recording = test::recording_of(truth, test::swept_sine(12000, 200, 0.2, 40, 0.1), 200, 0.1);
   const Recording* const one[] = {&recording};
   const auto response = estimate_frequency_response(one).value();
   const auto fit = fit_rational(response, {.order = 3, .zeros = 0}).value();

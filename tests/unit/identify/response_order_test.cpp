@@ -8,8 +8,8 @@
 namespace valvetriage {
 namespace {
 
-using testing::plant_s;
-using testing::response_of;
+using test::plant_s;
+using test::response_of;
 
 TEST(ResponseOrder, IsThatOfThePlant) {
   const auto plant = plant_s(470, {2.4}, {{25, 0.3}}, {10}, 0.003);
@@ -54,7 +54,7 @@ TEST(ResponseOrder, OfRealCornersIsFoundFromTheGainAlone) {
 
 TEST(Identify, ByResponseRunsFreelyAsWellAsTheNoiseAllows) {
   const auto plant = plant_s(470, {2.4}, {{25, 0.75}}, {}, 0.004);
-  const auto recording = testing::recording_of(plant, testing::swept_sine(2400, 200, 0.5, 40, 0.1), 200, 0.35);
+  const auto recording = test::recording_of(plant, test::swept_sine(2400, 200, 0.5, 40, 0.1), 200, 0.35);
   const Recording* const one[] = {&recording};
   const auto found = identify(one, {.method = IdentificationMethod::kRational, .order = 4}).value();
   ASSERT_TRUE(found.run);

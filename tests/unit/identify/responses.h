@@ -12,7 +12,7 @@
 #include "core/recording/segments.h"
 #include "tests/unit/identify/plants.h"
 
-namespace valvetriage::testing {
+namespace valvetriage::test {
 
 /// A continuous plant of second-order modes, real poles and real zeros, static gain 1 times `gain`; corners in Hz.
 inline TransferFunction plant_s(double gain, const std::vector<double>& pole_hz,
@@ -87,4 +87,4 @@ inline FrequencyResponse response_of(const TransferFunction& g, double from_hz, 
   return response;
 }
 
-}  // namespace valvetriage::testing
+}  // namespace valvetriage::test

@@ -11,7 +11,7 @@
 namespace valvetriage {
 namespace {
 
-using namespace testing;
+using namespace test;
 
 RecursiveLeastSquares fitted(const RlsOptions& options, const std::vector<double>& u, const std::vector<double>& y) {
   auto rls = RecursiveLeastSquares::create(options);

@@ -12,7 +12,7 @@
 namespace valvetriage {
 namespace {
 
-constexpr double kNoise_psi = 0.35;
+using test::kNoise_psi;
 
 /// A spool that jumps by 50 mA every second from 1.1 A on, as its pressure shows it.
 struct Stairs {

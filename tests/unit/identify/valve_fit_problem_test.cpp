@@ -11,7 +11,7 @@
 namespace valvetriage {
 namespace {
 
-ValveFitOptions options_for(const std::vector<Recording>& recordings) {
+ValveFitOptions options_at_105_psi(const std::vector<Recording>& recordings) {
   ValveFitOptions options;
   options.knots = *map_knots(recordings);
   options.reference_psi = 105;
@@ -29,7 +29,7 @@ class ValveFitProblemWith : public testing::TestWithParam<PutIn> {};
 TEST_P(ValveFitProblemWith, RunsFromItsLastLawOnAsFromTheStart) {
   const test::MadeValve valve;
   const auto recordings = test::session(valve, 0.35, 11);
-  ValveFitOptions options = options_for(recordings);
+  ValveFitOptions options = options_at_105_psi(recordings);
   const Mechanism& law = *find_mechanism(GetParam().cause);
   const std::vector<double>& parameters = GetParam().parameters;
   const std::vector<double> step(parameters.size(), 1e-4);
@@ -74,7 +74,7 @@ INSTANTIATE_TEST_SUITE_P(Places, ValveFitProblemWith,
 TEST(ValveFitProblem, AKnotThatFewSamplesTellGivesWayToOneThatManyTell) {
   const test::MadeValve valve;
   const auto recordings = test::session(valve, 0.35, 11);
-  const ValveFitOptions options = options_for(recordings);
+  const ValveFitOptions options = options_at_105_psi(recordings);
   const ValveFitProblem problem(recordings, options);
   const Eigen::VectorXd samples = problem.samples_at_knots();
   std::size_t valid = 0;

@@ -10,7 +10,7 @@
 namespace valvetriage {
 namespace {
 
-constexpr double kNoise_psi = 0.35;
+using test::kNoise_psi;
 
 ValveFitOptions options_for(const std::vector<Recording>& recordings) {
   return {.knots = *map_knots(recordings), .reference_psi = reference_pressure(recordings)};

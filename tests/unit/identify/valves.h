@@ -12,6 +12,8 @@
 
 namespace valvetriage::test {
 
+inline constexpr double kNoise_psi = 0.35;  ///< of the stand's sensor, white
+
 /// A made-up valve of exactly the fitted structure: magnetic loop, spool, smooth map, volume.
 struct MadeValve {
   ValveParameters parameters{

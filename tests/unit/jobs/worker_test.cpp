@@ -16,9 +16,9 @@ namespace valvetriage {
 namespace {
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr std::int64_t kMemoryBytes = INT64_MAX;  // a sanitizer maps terabytes of shadow memory
+constexpr std::int64_t kWorkerMemoryBytes = INT64_MAX;  // a sanitizer maps terabytes of shadow memory
 #else
-constexpr std::int64_t kMemoryBytes = std::int64_t{512} << 20;
+constexpr std::int64_t kWorkerMemoryBytes = std::int64_t{512} << 20;
 #endif
 
 class Worker : public testing::Test {
@@ -27,7 +27,7 @@ class Worker : public testing::Test {
     WorkerOptions options;
     options.workers = 2;
     options.child_command = {VALVETRIAGE_FAKE_CHILD};
-    options.child.memory_bytes = kMemoryBytes;
+    options.child.memory_bytes = kWorkerMemoryBytes;
     options.child.wall_ms = wall_ms;
     options.poll_ms = 10;
     return std::make_unique<WorkerPool>(*store_, *blobs_, options);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <string_view>
@@ -31,6 +32,13 @@ inline std::vector<double> motion(double low, double high, const std::vector<dou
     x.push_back(low + (high - low) * place);
   }
   return x;
+}
+
+/// Largest difference of two signals of one length.
+inline double largest_gap(const std::vector<double>& a, const std::vector<double>& b) {
+  double gap = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) gap = std::max(gap, std::abs(a[i] - b[i]));
+  return gap;
 }
 
 inline MechanismScales scales() {

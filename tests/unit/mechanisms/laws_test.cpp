@@ -12,6 +12,7 @@
 namespace valvetriage {
 namespace {
 
+using example::largest_gap;
 using example::Sight;
 
 std::vector<double> run(std::string_view cause, std::vector<double> parameters, std::vector<double> signal,
@@ -20,12 +21,6 @@ std::vector<double> run(std::string_view cause, std::vector<double> parameters, 
   if (context.time_s.empty()) context.time_s = stamps;
   find_mechanism(cause)->apply(parameters, context, signal);
   return signal;
-}
-
-double largest_gap(const std::vector<double>& a, const std::vector<double>& b) {
-  double gap = 0;
-  for (std::size_t i = 0; i < a.size(); ++i) gap = std::max(gap, std::abs(a[i] - b[i]));
-  return gap;
 }
 
 TEST(Laws, BeginInsideTheirBoundsAndWithAnEffect) {

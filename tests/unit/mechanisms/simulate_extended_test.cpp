@@ -48,12 +48,6 @@ std::vector<double> run(const Model& model, const Recording& recording = motion(
   return y.value_or(std::vector<double>{});
 }
 
-double largest_gap(const std::vector<double>& a, const std::vector<double>& b) {
-  double gap = 0;
-  for (std::size_t i = 0; i < a.size(); ++i) gap = std::max(gap, std::abs(a[i] - b[i]));
-  return gap;
-}
-
 Model with(Model model, const std::string& cause, const std::vector<double>& parameters,
            const std::string& channel = "") {
   model.mechanisms.push_back({cause, parameters, channel});
@@ -70,7 +64,7 @@ TEST(SimulateExtended, NeutralCausesChangeNothing) {
     const auto start = law->bounds(example::scales()).starts.front();
     const Model neutral = with(valve(), std::string(law->cause), example::neutral(*law, start));
     if (law->cause == "saturation") continue;  // its lower level is one more size
-    EXPECT_LT(largest_gap(run(neutral), run(valve())), 1e-9) << law->cause;
+    EXPECT_LT(example::largest_gap(run(neutral), run(valve())), 1e-9) << law->cause;
   }
 }
 
@@ -79,13 +73,13 @@ TEST(SimulateExtended, EveryCauseChangesAValvesOutput) {
     if (law->parameters.empty()) continue;
     auto start = law->bounds(example::scales()).starts.front();
     const Model spoiled = with(valve(), std::string(law->cause), start);
-    EXPECT_GT(largest_gap(run(spoiled), run(valve())), 0.01) << law->cause;
+    EXPECT_GT(example::largest_gap(run(spoiled), run(valve())), 0.01) << law->cause;
   }
 }
 
 TEST(SimulateExtended, ActsOnALinearMachineWhereItMakesSense) {
   EXPECT_NEAR(run(with(machine(), "gain_loss", {0.5})).front(), 0.5 * run(machine()).front(), 1e-9);
-  EXPECT_GT(largest_gap(run(with(machine(), "dead_band", {1.5, 0.2})), run(machine())), 5);
+  EXPECT_GT(example::largest_gap(run(with(machine(), "dead_band", {1.5, 0.2})), run(machine())), 5);
   const std::vector<double> free = run(machine());
   const double level = *std::max_element(free.begin(), free.end()) - 20;
   const auto clipped = run(with(machine(), "saturation", {level, -1e9, 0}));
@@ -162,7 +156,7 @@ TEST(SimulateExtended, AStartFoundInNoiseStaysWhereTheValveIs) {
   const Model model = valve();
   const auto y = simulate_extended(model, recorded(model), kFirstSecond);
   ASSERT_TRUE(y);
-  EXPECT_LT(largest_gap(*y, run(model)), 0.7);
+  EXPECT_LT(example::largest_gap(*y, run(model)), 0.7);
 }
 
 TEST(SimulateExtended, FindsTheMagneticMemoryInTheFirstMeasuredOutputs) {
@@ -172,9 +166,9 @@ TEST(SimulateExtended, FindsTheMagneticMemoryInTheFirstMeasuredOutputs) {
   model.loop->memory = 0;
   const auto y = simulate_extended(model, recorded(before), kFirstSecond);
   ASSERT_TRUE(y);
-  const double unknown = largest_gap(run(model), run(before));
+  const double unknown = example::largest_gap(run(model), run(before));
   EXPECT_GT(unknown, 2);
-  EXPECT_LT(largest_gap(*y, run(before)), 0.25 * unknown);
+  EXPECT_LT(example::largest_gap(*y, run(before)), 0.25 * unknown);
 }
 
 TEST(SimulateExtended, FindsTheMemoryOfACauseInTheFirstMeasuredOutputs) {
@@ -186,9 +180,9 @@ TEST(SimulateExtended, FindsTheMemoryOfACauseInTheFirstMeasuredOutputs) {
     const Model model = with(valve(), cause, forgotten);
     const auto y = simulate_extended(model, recorded(before), kFirstSecond);
     ASSERT_TRUE(y) << cause;
-    const double unknown = largest_gap(run(model), run(before));
+    const double unknown = example::largest_gap(run(model), run(before));
     EXPECT_GT(unknown, 2) << cause;
-    EXPECT_LT(largest_gap(*y, run(before)), 0.25 * unknown) << cause;
+    EXPECT_LT(example::largest_gap(*y, run(before)), 0.25 * unknown) << cause;
   }
 }
 

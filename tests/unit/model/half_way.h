@@ -4,6 +4,8 @@
 
 namespace valvetriage::test {
 
+inline constexpr double kPeriod_s = 0.005;  ///< of the recordings of a test stand
+
 /// Two values a sample, there and half-way to the next, straight between samples and held after the last.
 inline std::vector<double> straight_between(const std::vector<double>& samples) {
   std::vector<double> halves(2 * samples.size());

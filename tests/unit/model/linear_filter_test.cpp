@@ -7,12 +7,13 @@
 #include <cmath>
 #include <random>
 
+#include "tests/unit/model/half_way.h"
 #include "tests/unit/model/random_models.h"
 
 namespace valvetriage {
 namespace {
 
-constexpr double kPeriod_s = 0.005;
+using test::kPeriod_s;
 
 std::vector<double> noise(unsigned seed, std::size_t n) {
   std::mt19937 random(seed);

@@ -11,7 +11,7 @@
 namespace valvetriage {
 namespace {
 
-constexpr double kPeriod_s = 0.005;
+using test::kPeriod_s;
 constexpr OrificeVolume kTurbulent{.time_constant_s = 0.06, .exponent = 0.5, .supply_psi = 480, .reference_psi = 105};
 
 std::vector<double> run(const OrificeVolume& volume, double first, const std::vector<double>& steady,

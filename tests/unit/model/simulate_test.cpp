@@ -4,13 +4,14 @@
 #include <numbers>
 
 #include "core/model/model.h"
+#include "tests/unit/model/half_way.h"
 
 namespace valvetriage {
 namespace {
 
 using Complex = std::complex<double>;
 
-constexpr double kPeriod_s = 0.005;
+using test::kPeriod_s;
 
 Recording steps() {
   Recording r;

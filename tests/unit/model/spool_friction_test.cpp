@@ -7,10 +7,12 @@
 #include <limits>
 #include <vector>
 
+#include "tests/unit/model/half_way.h"
+
 namespace valvetriage {
 namespace {
 
-constexpr double kPeriod_s = 0.005;
+using test::kPeriod_s;
 constexpr double kNowhere = std::numeric_limits<double>::quiet_NaN();
 const ValveDynamics kSpool{.natural_frequency_rad_s = 300, .damping_ratio = 0.9};
 const SpoolFriction kFriction{.breakaway_a = 0.1, .kinetic_a = 0.06, .stribeck_a_per_s = 0.2};

@@ -4,10 +4,12 @@
 
 #include <cmath>
 
+#include "tests/unit/model/half_way.h"
+
 namespace valvetriage {
 namespace {
 
-constexpr double kPeriod_s = 0.005;
+using test::kPeriod_s;
 
 IntervalSignal unit_step(std::size_t n, std::size_t at) {
   IntervalSignal step{std::vector<double>(n, 0.0), std::vector<double>(n, 0.0)};

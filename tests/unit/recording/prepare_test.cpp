@@ -11,7 +11,7 @@
 namespace valvetriage {
 namespace {
 
-Result<Recording> prepared(RawRecording raw) {
+Result<Recording> tried(RawRecording raw) {
   return prepare_recording(std::move(raw), {});
 }
 
@@ -23,7 +23,7 @@ TEST(Prepare, LeavesAGoodNoisyRecordingWithoutAnyQualityItem) {
   for (unsigned seed = 0; seed < 60; ++seed) {
     for (const Signal& command : {step_command(), steps_of({1, 1.2, 1.4, 1.6, 1.8, 2.0, 1.6, 1.2}, 300),
                                   triangle_of(4000, 2000), swept_sine_of(4000), multisine_of(4000, seed)}) {
-      const auto recording = prepared(recorded(command, seed));
+      const auto recording = tried(recorded(command, seed));
       ASSERT_TRUE(recording) << recording.error().message;
       EXPECT_TRUE(recording->quality.empty())
           << recording->quality.front().code << ": " << recording->quality.front().detail << ", seed " << seed;
@@ -34,7 +34,7 @@ TEST(Prepare, LeavesAGoodNoisyRecordingWithoutAnyQualityItem) {
 
 TEST(Prepare, LeavesANoiseFreeRecordingWithoutAnyQualityItem) {
   for (const Signal& command : {step_command(), triangle_of(4000, 2000), swept_sine_of(4000)}) {
-    const auto recording = prepared(raw_of(command, response_of(command)));
+    const auto recording = tried(raw_of(command, response_of(command)));
     ASSERT_TRUE(recording);
     EXPECT_TRUE(recording->quality.empty()) << recording->quality.front().detail;
   }
@@ -42,7 +42,7 @@ TEST(Prepare, LeavesANoiseFreeRecordingWithoutAnyQualityItem) {
 
 TEST(Prepare, KeepsUniformStampsAndSamplesAsTheyAre) {
   const RawRecording raw = recorded(step_command(), 1);
-  const auto recording = prepared(raw);
+  const auto recording = tried(raw);
   EXPECT_EQ(recording->output.values, raw.output.values);
   EXPECT_EQ(recording->time_s, raw.time.values);
   EXPECT_NEAR(recording->sample_rate_hz(), 200, 1e-9);
@@ -55,7 +55,7 @@ TEST(Prepare, SeesAUniformClockBehindRoundedStamps) {
   for (std::size_t i = 0; i < raw.time.values.size(); ++i) {
     raw.time.values[i] = std::round(static_cast<double>(i) / 300.0 * 1000) / 1000;  // 300 Hz in whole milliseconds
   }
-  const auto recording = prepared(raw);
+  const auto recording = tried(raw);
   ASSERT_TRUE(recording);
   EXPECT_EQ(find_quality(*recording, "jitter"), nullptr);
   EXPECT_NEAR(recording->sample_rate_hz(), 300, 0.05);
@@ -68,7 +68,7 @@ TEST(Prepare, ResamplesJitteredStampsAndHoldsTheInputAcrossItsStep) {
   std::uniform_real_distribution<double> jitter(-0.001, 0.001);
   for (double& stamp : raw.time.values) stamp += jitter(random);
   for (const double stamp : raw.time.values) raw.output.values.push_back(std::sin(stamp));
-  const auto recording = prepared(raw);
+  const auto recording = tried(raw);
   ASSERT_TRUE(recording) << recording.error().message;
   const QualityItem* item = find_quality(*recording, "jitter");
   ASSERT_NE(item, nullptr);
@@ -89,7 +89,7 @@ TEST(Prepare, FillsGapsMarksThemAndSaysWhere) {
     values->erase(values->begin() + 1000, values->begin() + 1010);
     values->erase(values->begin() + 500, values->begin() + 501);
   }
-  const auto recording = prepared(raw);
+  const auto recording = tried(raw);
   ASSERT_TRUE(recording);
   const QualityItem* item = find_quality(*recording, "gap");
   ASSERT_NE(item, nullptr);
@@ -106,49 +106,49 @@ TEST(Prepare, FillsGapsMarksThemAndSaysWhere) {
 TEST(Prepare, RefusesATimeBaseThatNoGridDescribes) {
   RawRecording mostly_missing = recorded(step_command(), 4);
   for (std::size_t i = 1000; i < 2000; ++i) mostly_missing.time.values[i] += 1e6;
-  EXPECT_EQ(prepared(mostly_missing).error().code, "irregular_time");
+  EXPECT_EQ(tried(mostly_missing).error().code, "irregular_time");
 
   RawRecording random = recorded(step_command(), 4);
   std::mt19937 generator(1);
   std::exponential_distribution<double> wait(200);
   double now = 0;
   for (double& stamp : random.time.values) stamp = now += wait(generator) + 1e-6;
-  EXPECT_EQ(prepared(random).error().code, "irregular_time");
+  EXPECT_EQ(tried(random).error().code, "irregular_time");
 }
 
 TEST(Prepare, RefusesWhatCannotBeAnalysed) {
   RawRecording back = recorded(step_command(), 1);
   back.time.values[700] = back.time.values[699];
-  EXPECT_EQ(prepared(back).error().code, "time_not_increasing");
-  EXPECT_EQ(prepared(back).error().file, "valve.csv");
+  EXPECT_EQ(tried(back).error().code, "time_not_increasing");
+  EXPECT_EQ(tried(back).error().file, "valve.csv");
 
   RawRecording nan = recorded(step_command(), 1);
   nan.output.values[3] = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_EQ(prepared(nan).error().code, "not_finite");
+  EXPECT_EQ(tried(nan).error().code, "not_finite");
 
   RawRecording short_column = recorded(step_command(), 1);
   short_column.output.values.pop_back();
-  EXPECT_EQ(prepared(short_column).error().code, "ragged_columns");
+  EXPECT_EQ(tried(short_column).error().code, "ragged_columns");
 
-  EXPECT_EQ(prepared(raw_of({}, {})).error().code, "no_samples");
-  EXPECT_EQ(prepared(raw_of(triangle_of(kMinSamples - 1, 10), Signal(kMinSamples - 1, 0))).error().code,
+  EXPECT_EQ(tried(raw_of({}, {})).error().code, "no_samples");
+  EXPECT_EQ(tried(raw_of(triangle_of(kMinSamples - 1, 10), Signal(kMinSamples - 1, 0))).error().code,
             "too_few_samples");
-  EXPECT_TRUE(prepared(raw_of(triangle_of(kMinSamples, 10), response_of(triangle_of(kMinSamples, 10)))));
+  EXPECT_TRUE(tried(raw_of(triangle_of(kMinSamples, 10), response_of(triangle_of(kMinSamples, 10)))));
 }
 
 TEST(Prepare, RefusesAConstantInputNoisyOrNot) {
-  EXPECT_EQ(prepared(raw_of(Signal(500, 1.4), triangle_of(500, 100))).error().code, "constant_input");
+  EXPECT_EQ(tried(raw_of(Signal(500, 1.4), triangle_of(500, 100))).error().code, "constant_input");
   for (unsigned seed = 0; seed < 20; ++seed) {
-    EXPECT_EQ(prepared(recorded(Signal(4000, 1.4), seed)).error().code, "constant_input") << "seed " << seed;
+    EXPECT_EQ(tried(recorded(Signal(4000, 1.4), seed)).error().code, "constant_input") << "seed " << seed;
   }
-  EXPECT_TRUE(prepared(recorded(steps_of({1.4, 1.41}, 400), 1)));
+  EXPECT_TRUE(tried(recorded(steps_of({1.4, 1.41}, 400), 1)));
 }
 
 TEST(Prepare, TakesTheTestOfTheMetadataBeforeItsOwn) {
   RawRecording raw = recorded(step_command(), 1);
   raw.metadata.test = "other";
-  EXPECT_EQ(prepared(raw)->test, TestKind::kOther);
-  EXPECT_FALSE(prepared(raw)->test_inferred);
+  EXPECT_EQ(tried(raw)->test, TestKind::kOther);
+  EXPECT_FALSE(tried(raw)->test_inferred);
 }
 
 /// The stand's command read by a clock that jitters by up to a third of a period.
@@ -162,7 +162,7 @@ RawRecording jittered(const Signal& command, unsigned seed) {
 
 TEST(Prepare, KnowsWhereBetweenTwoGridSamplesAStepOfAJitteringRecordingLies) {
   const RawRecording raw = jittered(step_command(), 3);
-  const auto recording = prepared(raw);
+  const auto recording = tried(raw);
   ASSERT_TRUE(recording) << recording.error().message;
   ASSERT_EQ(recording->jumps.size(), 4u);
   const IntervalSignal between = input_between_samples(*recording);
@@ -180,7 +180,7 @@ TEST(Prepare, KnowsWhereBetweenTwoGridSamplesAStepOfAJitteringRecordingLies) {
 
 TEST(Prepare, ASteepSineIsNoRowOfSteps) {
   const RawRecording raw = jittered(swept_sine_of(4000), 4);
-  const auto recording = prepared(raw);
+  const auto recording = tried(raw);
   ASSERT_TRUE(recording) << recording.error().message;
   EXPECT_TRUE(recording->jumps.empty());
 }
@@ -191,7 +191,7 @@ TEST(Prepare, AcrossAGapASineKeepsItsCurve) {
   for (Signal* column : {&raw.time.values, &raw.input.values, &raw.output.values}) {
     column->erase(column->begin() + 3001, column->begin() + 3006);
   }
-  const auto recording = prepared(raw);
+  const auto recording = tried(raw);
   ASSERT_TRUE(recording) << recording.error().message;
   double straight = 0, curved = 0;
   for (std::size_t i = 3001; i < 3006; ++i) {
@@ -208,7 +208,7 @@ Recording with_gap(const Signal& command, std::ptrdiff_t first) {
   for (Signal* column : {&raw.time.values, &raw.input.values, &raw.output.values}) {
     column->erase(column->begin() + first, column->begin() + first + 5);
   }
-  return prepared(raw).value();
+  return tried(raw).value();
 }
 
 TEST(Prepare, WhatFollowsAStepThatIsLostInAGapIsLeftOut) {

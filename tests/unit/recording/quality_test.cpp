@@ -7,12 +7,6 @@
 namespace valvetriage {
 namespace {
 
-Recording prepared(RawRecording raw) {
-  auto recording = prepare_recording(std::move(raw), {});
-  EXPECT_TRUE(recording) << recording.error().message;
-  return *recording;
-}
-
 TEST(Quality, NamesAConverterWithCoarseStepsAndTheirSize) {
   RawRecording raw = recorded(triangle_of(4000, 4000), 1);
   for (double& value : raw.output.values) value = 2.5 * std::round(value / 2.5);

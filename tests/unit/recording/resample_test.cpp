@@ -14,7 +14,7 @@ namespace valvetriage {
 namespace {
 
 constexpr double kPeriod_s = 0.005;
-constexpr double kNoise_a = 0.0005;
+constexpr double kReading_a = 0.0005;
 
 /// Stamps that jitter by up to a quarter of a period.
 Signal jittering_stamps(std::size_t samples, unsigned seed) {
@@ -29,20 +29,14 @@ double sine(double t_s) {
   return 1.6 + 0.1 * std::sin(2 * std::numbers::pi * 4 * t_s);
 }
 
-Recording prepared(RawRecording raw) {
-  auto recording = prepare_recording(std::move(raw), {});
-  EXPECT_TRUE(recording.has_value()) << recording.error().message;
-  return recording.value_or(Recording{});
-}
-
 /// A command whose row k is the sine at the clock's tick, written and read at a stamp beside it.
 Recording of_rows(double noise_a, unsigned seed) {
-  constexpr std::size_t kSamples = 4000;
-  Signal u(kSamples);
-  for (std::size_t i = 0; i < kSamples; ++i) u[i] = sine(kPeriod_s * static_cast<double>(i));
+  constexpr std::size_t kRows = 4000;
+  Signal u(kRows);
+  for (std::size_t i = 0; i < kRows; ++i) u[i] = sine(kPeriod_s * static_cast<double>(i));
   if (noise_a > 0) add_noise(u, noise_a, seed + 1);
   RawRecording raw = raw_of(u, u);
-  raw.time.values = jittering_stamps(kSamples, seed);
+  raw.time.values = jittering_stamps(kRows, seed);
   return prepared(std::move(raw));
 }
 
@@ -113,14 +107,14 @@ TEST(Resample, TheInputDoesToALagWhatItDidBetweenItsRows) {
 }
 
 TEST(Resample, ACommandWrittenByAJitteringClockKeepsItsRoughnessInTime) {
-  const Recording noisy = of_rows(kNoise_a, 7), clean = of_rows(0, 7);
+  const Recording noisy = of_rows(kReading_a, 7), clean = of_rows(0, 7);
   const Signal left = noise_free_input(noisy).start, grid = grid_of(clean);
   double squares = 0, roughness = 0;
   for (std::size_t k = 100; k + 100 < left.size(); ++k) {
     squares += std::pow(left[k] - clean.input.values[k], 2);
     roughness += std::pow(clean.input.values[k] - sine(grid[k]), 2);
   }
-  EXPECT_LT(squares, static_cast<double>(left.size() - 200) * std::pow(kNoise_a, 2));
+  EXPECT_LT(squares, static_cast<double>(left.size() - 200) * std::pow(kReading_a, 2));
   EXPECT_GT(roughness, 5 * squares);
 }
 
@@ -128,7 +122,7 @@ TEST(Resample, AMeasuredInputThatIsSmoothInTimeIsNotTakenForACommandOfRows) {
   Signal u;
   const Signal stamps = jittering_stamps(4000, 9);
   for (const double stamp : stamps) u.push_back(sine(stamp));
-  add_noise(u, kNoise_a, 10);
+  add_noise(u, kReading_a, 10);
   RawRecording raw = raw_of(u, u);
   raw.time.values = stamps;
   EXPECT_TRUE(prepared(std::move(raw)).input_noise.values.empty());
@@ -200,10 +194,10 @@ TEST(Resample, WhatIsReadBehindLostRowsOfASteepFallIsThatRow) {
 }
 
 TEST(Resample, OfAJitteringClockNoSampleInsideAGapIsKnown) {
-  constexpr std::size_t kSamples = 400;
+  constexpr std::size_t kRows = 400;
   for (const unsigned seed : {1u, 2u, 3u}) {
     RawRecording raw = steep_fall(kPeriod_s);
-    raw.time.values = jittering_stamps(kSamples, seed);
+    raw.time.values = jittering_stamps(kRows, seed);
     const double before_s = raw.time.values[202], behind_s = raw.time.values[208];
     lose_rows(raw, 203, 208);
     const Recording recording = prepared(std::move(raw));

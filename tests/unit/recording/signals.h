@@ -1,5 +1,7 @@
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <cmath>
 #include <numbers>
 #include <random>
@@ -94,6 +96,13 @@ inline const QualityItem* find_quality(const Recording& recording, const std::st
     if (item.code == code) return &item;
   }
   return nullptr;
+}
+
+/// As the readers prepare it; a failure of the test where they refuse it.
+inline Recording prepared(RawRecording raw) {
+  auto recording = prepare_recording(std::move(raw), {});
+  EXPECT_TRUE(recording.has_value()) << recording.error().message;
+  return recording.value_or(Recording{});
 }
 
 }  // namespace valvetriage

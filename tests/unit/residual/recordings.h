@@ -8,6 +8,11 @@
 
 namespace valvetriage::test {
 
+/// Step response of a lag: 100 psi, 0.15 s.
+inline double lag(double t_s) {
+  return 100 * (1 - std::exp(-t_s / 0.15));
+}
+
 /// Current at rest, one step up at `step_s`, held to the end; the output follows `response` of the time since the step.
 inline Recording step_recording(double rate_hz, double rest_a, double level_a, double step_s, double end_s,
                                 const std::function<double(double)>& response, double noise, unsigned seed) {

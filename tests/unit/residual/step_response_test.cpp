@@ -7,9 +7,7 @@
 namespace valvetriage {
 namespace {
 
-double lag(double t) {
-  return 100 * (1 - std::exp(-t / 0.15));
-}
+using test::lag;
 
 TEST(StepResponse, OnlyRisingStepsAreFound) {
   Recording recording = test::step_recording(200, 1.0, 1.6, 1, 3, lag, 0, 1);

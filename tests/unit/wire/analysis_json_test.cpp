@@ -13,13 +13,9 @@ namespace {
 
 const AnalysisMaking kMaking{.engine_version = "0.1.0", .settings_sha256 = "ab", .timing_s = {{"total", 0.5}}};
 
-Json through_text(const Json& document) {
-  return parse_json(dump_json(document)).value();
-}
-
 RC_GTEST_PROP(AnalysisJson, ReadsBackWhatItWrote, ()) {
   const Json written = to_json(generate::analysis(), kMaking);
-  const auto read = analysis_from_json(through_text(written));
+  const auto read = analysis_from_json(generate::through_text(written));
   RC_ASSERT(read.has_value());
   RC_ASSERT(to_json(read->analysis, read->making) == written);
 }
@@ -71,7 +67,7 @@ RC_GTEST_PROP(AnalysisJson, AFigureThatIsNotFiniteIsNull, ()) {
   const Json document = to_json(analysis, kMaking);
   RC_ASSERT(document["simulation"]["rmse"].is_null());
   RC_ASSERT(document["simulation"]["fit_percent"].is_null());
-  RC_ASSERT(analysis_from_json(through_text(document)).has_value());
+  RC_ASSERT(analysis_from_json(generate::through_text(document)).has_value());
 }
 
 TEST(AnalysisJson, AnotherDocumentIsRefused) {

@@ -9,9 +9,15 @@
 
 #include "core/analysis/analysis.h"
 #include "core/mechanisms/mechanism.h"
+#include "server/wire/json.h"
 #include "server/wire/sha256.h"
 
 namespace valvetriage::generate {
+
+/// A document as it is read back once it was written.
+inline Json through_text(const Json& document) {
+  return parse_json(dump_json(document)).value();
+}
 
 inline double number() {
   return *rc::gen::suchThat(rc::gen::arbitrary<double>(), [](double x) { return std::isfinite(x); });

@@ -9,7 +9,7 @@
 namespace valvetriage {
 namespace {
 
-using namespace testing;
+using namespace test;
 
 Identification of_a_valve(IdentificationMethod method) {
   const auto u = random_levels(1200, 40, 1);

@@ -12,17 +12,17 @@
 namespace valvetriage {
 namespace {
 
-constexpr double kPeriod_s = 0.02;
-constexpr std::size_t kSamples = 10000;
+constexpr double kMachinePeriod_s = 0.02;
+constexpr std::size_t kMachineSamples = 10000;
 
 /// Steps, triangles and a sweep about 0.5, and a side channel that rises.
-const Recording& motion() {
+const Recording& machine_motion() {
   static const Recording recording = [] {
     Recording r;
-    r.sample_period_s = kPeriod_s;
+    r.sample_period_s = kMachinePeriod_s;
     Channel side{.name = "supply", .quantity = "", .unit = "", .file_unit = "", .values = {}};
-    for (std::size_t i = 0; i < kSamples; ++i) {
-      const double t = static_cast<double>(i) * kPeriod_s;
+    for (std::size_t i = 0; i < kMachineSamples; ++i) {
+      const double t = static_cast<double>(i) * kMachinePeriod_s;
       constexpr double kLevels[] = {0.5, 1.6, -1.0, 1.8, 0.3, 2.0, -0.55, 0.7, -1.2, 0.9};
       const double triangle = 1.5 * std::abs(std::fmod(t, 6.0) / 3 - 1) - 0.5;
       const double sweep = 0.5 + 1.2 * std::sin(0.06 * t * t);
@@ -30,7 +30,7 @@ const Recording& motion() {
       r.output.values.push_back(0);
       side.values.push_back(3 + 0.01 * t);
     }
-    r.segments = find_segments(r.input.values, kPeriod_s);
+    r.segments = find_segments(r.input.values, kMachinePeriod_s);
     r.side.push_back(side);
     return r;
   }();
@@ -57,20 +57,20 @@ MachineBlock with_sections(MachineLaw law, std::vector<double> parameters, std::
 Model chain(std::vector<MachineBlock> blocks) {
   Model model;
   model.kind = "machine";
-  model.machine = Machine{.sample_period_s = kPeriod_s, .interval_means = false, .blocks = std::move(blocks)};
+  model.machine = Machine{.sample_period_s = kMachinePeriod_s, .interval_means = false, .blocks = std::move(blocks)};
   return model;
 }
 
 std::vector<double> simulated(const Model& model) {
-  const auto y = simulate_extended(model, motion(), {});
+  const auto y = simulate_extended(model, machine_motion(), {});
   EXPECT_TRUE(y.has_value()) << y.error().message;
   return y.value_or(std::vector<double>{});
 }
 
 std::vector<double> in_c(const Model& model) {
-  const auto source = to_c(model, kPeriod_s);
+  const auto source = to_c(model, kMachinePeriod_s);
   EXPECT_TRUE(source.has_value()) << source.error().message;
-  return source ? run_in_c(*source, motion()) : std::vector<double>{};
+  return source ? run_in_c(*source, machine_motion()) : std::vector<double>{};
 }
 
 double range(const std::vector<double>& y) {
@@ -126,10 +126,11 @@ class MachineCLaw : public testing::TestWithParam<LawCase> {};
 TEST_P(MachineCLaw, RunsAsTheMachineDoes) {
   const Model model = chain({GetParam().block});
   const auto expected = simulated(model);
-  ASSERT_NE(expected, motion().input.values) << "the law does nothing";
+  ASSERT_NE(expected, machine_motion().input.values) << "the law does nothing";
   const auto y = in_c(model);
-  ASSERT_EQ(y.size(), kSamples);
-  for (std::size_t i = 0; i < kSamples; ++i) ASSERT_NEAR(y[i], expected[i], 1e-9 * range(expected)) << "at " << i;
+  ASSERT_EQ(y.size(), kMachineSamples);
+  for (std::size_t i = 0; i < kMachineSamples; ++i)
+    ASSERT_NEAR(y[i], expected[i], 1e-9 * range(expected)) << "at " << i;
 }
 
 INSTANTIATE_TEST_SUITE_P(Every, MachineCLaw, testing::ValuesIn(every_law()), name_of_case);
@@ -145,8 +146,9 @@ TEST(MachineC, TwoOfOneLawInAChainKeepTheirOwnMemories) {
                              block(MachineLaw::kPlay, {0.1}), with_sections(MachineLaw::kLinear, {}, {})});
   const auto expected = simulated(model);
   const auto y = in_c(model);
-  ASSERT_EQ(y.size(), kSamples);
-  for (std::size_t i = 0; i < kSamples; ++i) ASSERT_NEAR(y[i], expected[i], 1e-9 * range(expected)) << "at " << i;
+  ASSERT_EQ(y.size(), kMachineSamples);
+  for (std::size_t i = 0; i < kMachineSamples; ++i)
+    ASSERT_NEAR(y[i], expected[i], 1e-9 * range(expected)) << "at " << i;
 }
 
 TEST(MachineC, OfMeansOverIntervalsAStepGivesTheSampleBefore) {
@@ -154,8 +156,8 @@ TEST(MachineC, OfMeansOverIntervalsAStepGivesTheSampleBefore) {
   model.machine->interval_means = true;
   const auto expected = simulated(model);
   const auto y = in_c(model);
-  ASSERT_EQ(y.size(), kSamples);
-  for (std::size_t i = 1; i < kSamples; ++i) {
+  ASSERT_EQ(y.size(), kMachineSamples);
+  for (std::size_t i = 1; i < kMachineSamples; ++i) {
     ASSERT_NEAR(y[i], expected[i - 1], 1e-9 * range(expected)) << "at " << i;
   }
 }
@@ -163,32 +165,32 @@ TEST(MachineC, OfMeansOverIntervalsAStepGivesTheSampleBefore) {
 TEST(MachineC, ARunThatLeavesItsRangeEndsInNoNumber) {
   MachineBlock unstable = with_sections(MachineLaw::kSpring, {0}, {8});
   const auto y = in_c(chain({unstable}));
-  ASSERT_EQ(y.size(), kSamples);
+  ASSERT_EQ(y.size(), kMachineSamples);
   EXPECT_TRUE(std::isnan(y.back()));
 }
 
 TEST(MachineC, AMachineOfNoBlocksPassesItsInputOn) {
-  EXPECT_EQ(in_c(chain({})), motion().input.values);
+  EXPECT_EQ(in_c(chain({})), machine_motion().input.values);
 }
 
 TEST(MachineC, WhatCannotBeToldIsRefused) {
   EXPECT_EQ(to_c(chain({block(MachineLaw::kPlay, {0.4})}), 0.021).error().code, "own_period");
-  EXPECT_EQ(to_c(chain({block(MachineLaw::kPlay, {})}), kPeriod_s).error().code, "machine_malformed");
+  EXPECT_EQ(to_c(chain({block(MachineLaw::kPlay, {})}), kMachinePeriod_s).error().code, "machine_malformed");
   MachineBlock one = block(MachineLaw::kSide, {0.7, 3}), other = one;
   one.channel = "supply";
   other.channel = "temperature";
-  EXPECT_EQ(to_c(chain({one, other}), kPeriod_s).error().code, "too_many");
+  EXPECT_EQ(to_c(chain({one, other}), kMachinePeriod_s).error().code, "too_many");
 }
 
 TEST(MachineC, AChannelsNameCannotEndTheComment) {
   MachineBlock side = block(MachineLaw::kSide, {0.7, 3});
   side.channel = "*/ int x; /*";
-  const auto source = to_c(chain({side}), kPeriod_s).value();
+  const auto source = to_c(chain({side}), kMachinePeriod_s).value();
   EXPECT_EQ(source.find("*/ int x"), std::string::npos);
 }
 
 TEST(MachineC, NothingIsAllocated) {
-  const std::string source = to_c(chain({with_sections(MachineLaw::kLinear, {}, {})}), kPeriod_s).value();
+  const std::string source = to_c(chain({with_sections(MachineLaw::kLinear, {}, {})}), kMachinePeriod_s).value();
   for (const char* word : {"malloc", "calloc", "stdlib", "free("}) {
     EXPECT_EQ(source.find(word), std::string::npos) << word;
   }
