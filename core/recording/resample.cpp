@@ -73,7 +73,7 @@ struct Rows {
   bool is_at(double t, std::size_t i) const { return std::abs(time[i] - t) <= snap * grid.period_s; }
 
   bool is_jump_to(std::size_t i) const { return is_jump(values, i, jump); }
-  bool is_gap_to(std::size_t i) const { return time[i] - time[i - 1] > kGapRatio * grid.period_s; }
+  bool is_gap_to(std::size_t i) const { return grid.is_gap_to(i); }
   /// Straight between rows, held until a jump.
   double at(double t, std::size_t right) const {
     const double weight = std::clamp((t - time[right - 1]) / (time[right] - time[right - 1]), 0.0, 1.0);
@@ -211,8 +211,7 @@ std::vector<InputJump> jumps_of(const Rows& rows) {
     if (std::abs(at - std::round(at)) <= snap) at = std::round(at);
     const double interval = std::max(std::ceil(at) - 1, 0.0);
     if (interval + 1 >= static_cast<double>(grid.size)) continue;
-    jumps.push_back({static_cast<std::size_t>(interval), std::clamp(at - interval, 0.0, 1.0),
-                     time[i] - time[i - 1] > kGapRatio * grid.period_s});
+    jumps.push_back({static_cast<std::size_t>(interval), std::clamp(at - interval, 0.0, 1.0), rows.is_gap_to(i)});
   }
   return jumps;
 }

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
+#include <vector>
 
 #include "core/recording/recording.h"
 
@@ -11,9 +13,11 @@ struct UniformGrid {
   double start_s = 0;
   double period_s = 0;
   std::size_t size = 0;
+  std::vector<std::size_t> gaps;  ///< rows, ascending, ahead of which rows are missing
+
+  bool is_gap_to(std::size_t row) const { return std::ranges::binary_search(gaps, row); }
 };
 
-inline constexpr double kGapRatio = 1.5;  ///< an interval above this many periods holds a missing sample
 /// Off the grid by more than this part of a period a clock jitters: 0.8 noise at a step edge.
 inline constexpr double kJitterRatio = 0.05;
 

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <limits>
 
 #include "core/recording/intersample.h"
@@ -80,6 +81,47 @@ TEST(Prepare, ResamplesJitteredStampsAndHoldsTheInputAcrossItsStep) {
     // straight at the ends, a sine over 7 ms: h²/8, and the grid's start is the first stamp
     const double at = recording->start_s + static_cast<double>(i) * recording->sample_period_s;
     EXPECT_NEAR(recording->output.values[i], std::sin(at), 1.5e-3);
+  }
+}
+
+/// Stamps at 200 Hz that a clock jitters by a fifth of a period, at most by 45 % of one: every twentieth interval is
+/// longer than one and a half.
+RawRecording jittering(unsigned seed) {
+  RawRecording raw = recorded(swept_sine_of(4000), 4);
+  std::mt19937 random(seed);
+  std::normal_distribution<double> jitter(0, 0.001);
+  for (double& stamp : raw.time.values) stamp += std::clamp(jitter(random), -0.00225, 0.00225);
+  return raw;
+}
+
+TEST(Prepare, ALongIntervalOfAClockThatJittersLosesNoRow) {
+  for (const unsigned seed : {1u, 2u, 3u}) {
+    const auto recording = tried(jittering(seed));
+    ASSERT_TRUE(recording) << recording.error().message;
+    EXPECT_EQ(find_quality(*recording, "gap"), nullptr) << seed;
+    ASSERT_NE(find_quality(*recording, "jitter"), nullptr) << seed;
+    EXPECT_NEAR(recording->sample_rate_hz(), 200, 0.05) << seed;
+    for (std::size_t i = 0; i < recording->samples(); ++i) ASSERT_TRUE(recording->is_valid(i)) << seed << ", " << i;
+  }
+}
+
+TEST(Prepare, ALostRowOfAClockThatJittersIsAGap) {
+  for (const unsigned seed : {1u, 2u, 3u}) {
+    RawRecording raw = jittering(seed);
+    for (auto* values : {&raw.time.values, &raw.input.values, &raw.output.values}) {
+      values->erase(values->begin() + 2000, values->begin() + 2003);
+      values->erase(values->begin() + 1000);
+    }
+    const auto recording = tried(raw);
+    ASSERT_TRUE(recording) << recording.error().message;
+    for (const std::size_t lost : {1000u, 2000u, 2001u, 2002u}) {  // the grid begins at the first stamp, which jitters
+      EXPECT_FALSE(recording->is_valid(lost) && recording->is_valid(lost + 1)) << seed << ", " << lost;
+    }
+    // A long interval right beside a gap may be taken for another.
+    const QualityItem* item = find_quality(*recording, "gap");
+    ASSERT_NE(item, nullptr) << seed;
+    EXPECT_LE(item->count, 6u) << seed << ": " << item->detail;
+    EXPECT_NEAR(recording->sample_rate_hz(), 200, 0.05) << seed;
   }
 }
 
