@@ -11,7 +11,7 @@ namespace valvetriage {
 namespace {
 
 // A fold must hold this many times the power at the frequency that was found: it has it all, or next to nothing.
-constexpr double kMuchMorePower = 4;
+constexpr double kClearlyMore = 4;
 
 double angle_at(double frequency_hz, const Recording& recording, std::size_t i) {
   return 2 * std::numbers::pi * frequency_hz * static_cast<double>(i) * recording.sample_period_s;
@@ -57,7 +57,7 @@ std::optional<Fold> true_place(double found_hz, std::span<const Recording> recor
     }
     return power;
   };
-  double most = kMuchMorePower * power_at(found_hz);
+  double most = kClearlyMore * power_at(found_hz);
   std::optional<Fold> place;
   for (const Fold& fold : folds_of(found_hz, recordings, part)) {
     const double power = power_at(fold.frequency_hz);

@@ -43,7 +43,7 @@ struct Member {
 };
 
 // Shares of the time of learning.
-constexpr double kGoodFitted = 0.1, kUsualLearned = 0.3, kFittedAgain = 0.4;
+constexpr double kFitted = 0.1, kUsualLearned = 0.3, kFittedAgain = 0.4;
 
 void report_valve(const StageReport& report, std::string_view what, const ValveRecordings& valve, std::size_t before,
                   std::size_t valves) {
@@ -441,11 +441,11 @@ Result<Reference> learn_reference(std::span<const ValveRecordings> given, const 
   if (!options) return tl::unexpected(options.error());
 
   // What they have in common is learned from those that are alike.
-  const auto first = fit_members(valves, *options, report_part(report, 0, kGoodFitted));
+  const auto first = fit_members(valves, *options, report_part(report, 0, kFitted));
   if (!first) return tl::unexpected(first.error());
   const auto alike = used_members(*first);
   options->start = alike.front()->fit.parameters;
-  report_stage(report, kGoodFitted, "learning what they have in common");
+  report_stage(report, kFitted, "learning what they have in common");
   const auto usual = learn_usual_mechanisms(recordings_of(alike), *options);
   if (!usual) return tl::unexpected(usual.error());
   options->usual = *usual;

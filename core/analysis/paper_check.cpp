@@ -6,7 +6,6 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <numbers>
 
 #include "core/analysis/frequency_analysis.h"
 #include "core/analysis/paper_classification.h"

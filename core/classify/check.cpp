@@ -233,9 +233,9 @@ class ErrorCurve {
     // Inner points: an edge of a set may be vertical.
     const auto first = at(std::lerp(from, to, 0.25));
     const auto second = at(std::lerp(from, to, 0.75));
-    constexpr double kSumRounding = 1e-12;
+    constexpr double kRounding = 1e-12;
     return first && second &&
-           second->memberships[index_of(verdict)] > first->memberships[index_of(verdict)] + kSumRounding;
+           second->memberships[index_of(verdict)] > first->memberships[index_of(verdict)] + kRounding;
   }
 
   bool disagrees(double error) const {

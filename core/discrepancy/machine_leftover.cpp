@@ -12,7 +12,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr std::size_t kShifts = 199;
-constexpr std::size_t kTestBlocks = 12;  // over all records
+constexpr std::size_t kBlocks = 12;  // over all records
 
 /// What one record's residual is regressed on, and where it is cut.
 struct Regression {
@@ -78,7 +78,7 @@ double share_of(const std::vector<Regression>& regressions, double part) {
 
 LocalAnswer local_answer(const MachineData& data, const MachineFit& linear) {
   if (data.records.empty() || linear.machine.blocks.empty()) return {};
-  const std::size_t blocks = std::max<std::size_t>(2, kTestBlocks / data.records.size());
+  const std::size_t blocks = std::max<std::size_t>(2, kBlocks / data.records.size());
   std::vector<Regression> regressions;
   for (std::size_t r = 0; r < data.records.size(); ++r) {
     regressions.push_back(regression_of(data, r, linear, blocks));

@@ -13,7 +13,7 @@
 namespace valvetriage {
 namespace {
 
-constexpr double kNoPopulation = std::numeric_limits<double>::quiet_NaN();
+constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 constexpr double kNothing = 0.003;  // of the range: below, a width or a curve has no effect that a reader could see
 
 const MachineBlock* find_block(const MachineFit& fit, MachineLaw law, std::size_t* index = nullptr) {
@@ -39,7 +39,7 @@ class Writer {
   void add_value(const std::string& name, double value, double error, const std::string& unit) {
     ParameterEstimate estimate{.value = value, .std_error = error, .unit = unit};
     estimate.ci95 = {value - kTwoSided95 * error, value + kTwoSided95 * error};
-    estimate.population_mean = estimate.population_sd = kNoPopulation;
+    estimate.population_mean = estimate.population_sd = kUnknown;
     estimates.emplace_back(name, estimate);
   }
 
@@ -279,7 +279,7 @@ void add_side(Writer& writer, const MachineData& data, const MachineFit& fit, co
   const MachineBlock* side = find_block(fit, MachineLaw::kSide, &b);
   if (!side) return;
   ParameterEstimate channel{.text = side->channel};
-  channel.population_mean = channel.population_sd = kNoPopulation;
+  channel.population_mean = channel.population_sd = kUnknown;
   writer.estimates.emplace_back("channel", channel);
   writer.add("coefficient", b, 0, data.output_scale, 0, unit);
 }

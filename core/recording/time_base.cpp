@@ -39,14 +39,19 @@ double median_of(std::vector<double> values) {
   return boost::math::statistics::median(values);
 }
 
-/// How far the stamps from `row` on are late for those before it, in s, by the medians of what the `before` and
-/// `behind` nearest rows foretell of the two stamps.
-double lateness_s(const std::vector<double>& time, std::size_t row, std::size_t before, std::size_t behind,
-                  double period_s) {
+/// Whether the stamps from `row` on are late for those before it by half a period or more: by the medians of what the
+/// nearest rows on either side, from `from` on and before `to`, foretell of the two stamps.
+bool are_rows_missing(const std::vector<double>& time, std::size_t row, std::size_t from, std::size_t to,
+                      double period_s) {
   std::vector<double> last, next;
-  for (std::size_t k = 0; k < before; ++k) last.push_back(time[row - 1 - k] + static_cast<double>(k) * period_s);
-  for (std::size_t k = 0; k < behind; ++k) next.push_back(time[row + k] - static_cast<double>(k) * period_s);
-  return median_of(std::move(next)) - median_of(std::move(last)) - period_s;
+  for (std::size_t k = 0; k < std::min(kBesideGap, row - from); ++k) {
+    last.push_back(time[row - 1 - k] + static_cast<double>(k) * period_s);
+  }
+  for (std::size_t k = 0; k < std::min(kBesideGap, to - row); ++k) {
+    next.push_back(time[row + k] - static_cast<double>(k) * period_s);
+  }
+  const double late_s = median_of(std::move(next)) - median_of(std::move(last)) - period_s;
+  return late_s > (kGapRatio - 1) * period_s;
 }
 
 /// Rows, ascending, ahead of which rows are missing. A clock that jitters makes some intervals long and the ones beside
@@ -55,17 +60,15 @@ double lateness_s(const std::vector<double>& time, std::size_t row, std::size_t 
 std::vector<std::size_t> gaps_in(const std::vector<double>& time, double period_s) {
   std::vector<std::size_t> found;
   for (std::size_t row = 1; row < time.size(); ++row) {
-    if (time[row] - time[row - 1] <= kGapRatio * period_s) continue;
-    const std::size_t before = std::min(kBesideGap, row), behind = std::min(kBesideGap, time.size() - row);
-    if (lateness_s(time, row, before, behind, period_s) > (kGapRatio - 1) * period_s) found.push_back(row);
+    const bool is_long = time[row] - time[row - 1] > kGapRatio * period_s;
+    if (is_long && are_rows_missing(time, row, 0, time.size(), period_s)) found.push_back(row);
   }
   std::vector<std::size_t> gaps;
   for (std::size_t g = 0; g < found.size(); ++g) {
+    const std::size_t row = found[g];
     const std::size_t from = g > 0 ? found[g - 1] : 0, to = g + 1 < found.size() ? found[g + 1] : time.size();
-    const std::size_t before = std::min(kBesideGap, found[g] - from), behind = std::min(kBesideGap, to - found[g]);
-    const bool tells = std::min(before, behind) >= kFewestBesideGap;
-    if (tells && lateness_s(time, found[g], before, behind, period_s) <= (kGapRatio - 1) * period_s) continue;
-    gaps.push_back(found[g]);
+    const bool tells = std::min(row - from, to - row) >= kFewestBesideGap;
+    if (!tells || are_rows_missing(time, row, from, to, period_s)) gaps.push_back(row);
   }
   return gaps;
 }

@@ -8,7 +8,7 @@ namespace valvetriage::http {
 
 /// Limits that the HTTP front sets on the outside world, each with its reason. nginx in front sets tighter ones.
 
-/// Bodies and files are read and sent in pieces of this size: no request holds its body in memory.
+/// Bodies and files are read and sent in pieces of this size.
 inline constexpr std::size_t kPieceBytes = 64 * 1024;
 inline constexpr std::size_t kMaxHeadBytes = 16 * 1024;  ///< a browser behind two proxies sends about 4 kB
 inline constexpr std::size_t kMaxHeaders = 100;          ///< a browser sends about 20

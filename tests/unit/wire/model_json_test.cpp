@@ -8,7 +8,6 @@
 namespace valvetriage {
 namespace {
 
-/// What a reader gets: through the text and back.
 Json linear_model() {
   return Json{{"schema", "valvetriage.model/1"},
               {"kind", "linear"},
