@@ -59,12 +59,6 @@ int images_for(const FrequencyResponse& response) {
   return response.points.back().frequency_hz * response.sample_period_s < kFewImagesBelow ? kFewImages : kManyImages;
 }
 
-/// A frequency at which the model is read, and how it weighs in its point: the point itself, or an image.
-struct Reading {
-  Complex s;
-  Complex weight;
-};
-
 /// The delay that would make all of the phase.
 double phase_delay_s(const FrequencyResponse& response) {
   const auto phase_deg = unwrapped_phase_deg(response.points);
@@ -84,30 +78,23 @@ class Problem {
     lowest_ = kTwoPi * points.front().frequency_hz / omega_scale_;
     highest_ = kTwoPi * points.back().frequency_hz / omega_scale_;
     phase_delay_ = phase_delay_s(response) * omega_scale_;
-    const int images = images_for(response);
-    readings_per_point_ = 2 * images + 1;
-    for (const ResponsePoint& p : points) {
+    const auto n = static_cast<Index>(points.size());
+    weight_.resize(n);
+    target_.resize(n);
+    for (Index k = 0; k < n; ++k) {
+      const ResponsePoint& p = points[static_cast<std::size_t>(k)];
       const double floor = kRelativeFloor * std::abs(p.gain);
-      const double sigma = std::hypot(p.std_error, floor) / gain_scale_;
-      weight_.push_back(std::numbers::sqrt2 / sigma);
-      target_.push_back(p.gain / gain_scale_);
+      weight_(k) = std::numbers::sqrt2 * gain_scale_ / std::hypot(p.std_error, floor);
+      target_(k) = p.gain / gain_scale_;
       omega_.push_back(kTwoPi * p.frequency_hz / omega_scale_);
-      const Complex own = images > 0 ? hold_factor(response.hold, p.frequency_hz, response.sample_period_s) : 1;
-      for (int l = -images; l <= images; ++l) {
-        const double f = images > 0 ? p.frequency_hz + l / response.sample_period_s : p.frequency_hz;
-        const Complex factor = images > 0 ? hold_factor(response.hold, f, response.sample_period_s) / own : 1;
-        readings_.push_back({Complex(0, kTwoPi * f / omega_scale_), factor});
-      }
     }
-    for (int j = 0; j < options.zeros; ++j) {
-      const double share = (j + 0.5) / options.zeros;
-      corners_.push_back(at_share_of_band(share));
-    }
+    for (int j = 0; j < options.zeros; ++j) corners_.push_back(at_share_of_band((j + 0.5) / options.zeros));
+    read_images(response);
   }
 
   double omega_scale() const { return omega_scale_; }
   double gain_scale() const { return gain_scale_; }
-  std::size_t points() const { return target_.size(); }
+  Index points() const { return target_.size(); }
   double lowest() const { return lowest_; }
   double highest() const { return highest_; }
   double phase_delay() const { return phase_delay_; }
@@ -138,69 +125,26 @@ class Problem {
 
   /// The numerator by linear least squares, everything else given.
   void solve_numerator(Candidate& c) const {
-    const auto n = static_cast<Index>(points());
-    const Index terms = options_.zeros + 1;
-    Eigen::MatrixXd rows(2 * n, terms);
-    Eigen::VectorXd right(2 * n);
-    Eigen::RowVectorXcd values(terms), row(terms);
-    for (Index k = 0; k < n; ++k) {
-      row.setZero();
-      for (const Reading& reading : readings_at(k)) {
-        basis(reading.s, values);
-        row += values * (reading.weight * std::exp(-reading.s * c.delay) / denominator(c, reading.s));
-      }
-      const auto at = static_cast<std::size_t>(k);
-      rows.row(2 * k) = weight_[at] * row.real();
-      rows.row(2 * k + 1) = weight_[at] * row.imag();
-      right(2 * k) = weight_[at] * target_[at].real();
-      right(2 * k + 1) = weight_[at] * target_[at].imag();
-    }
+    const Eigen::ArrayXcd carrier = carrier_of(c);
+    Eigen::MatrixXd rows(2 * points(), basis_.cols());
+    for (Index j = 0; j < basis_.cols(); ++j) set_real_rows(carrier * basis_.col(j), rows.col(j));
+    Eigen::VectorXd right(2 * points());
+    right << weight_ * target_.real(), weight_ * target_.imag();
     const Eigen::RowVectorXd norms = rows.colwise().norm().cwiseMax(1e-300);
     const Eigen::MatrixXd scaled = rows * norms.cwiseInverse().asDiagonal();
     c.numerator = scaled.colPivHouseholderQr().solve(right).cwiseQuotient(norms.transpose());
     c.cost = (right - rows * c.numerator).squaredNorm();
   }
 
-  /// Weighted residual H − G as real rows, and its negative derivative where wanted.
+  /// Weighted residual H − G as real rows, real parts above imaginary ones, and its negative derivative where wanted.
   double residual(const Candidate& c, Eigen::VectorXd& e, Eigen::MatrixXd* jacobian) const {
-    const auto n = static_cast<Index>(points());
-    e.resize(2 * n);
-    if (jacobian) jacobian->resize(2 * n, parameters(c));
-    const auto terms = static_cast<Index>(c.numerator.size());
-    const Index poles = pole_parameters(c);
-    Eigen::RowVectorXcd values(terms), row(parameters(c));
-    for (Index k = 0; k < n; ++k) {
-      const auto at = static_cast<std::size_t>(k);
-      Complex model = 0;
-      row.setZero();
-      for (const Reading& reading : readings_at(k)) {
-        basis(reading.s, values);
-        const Complex carrier = reading.weight * std::exp(-reading.s * c.delay) / denominator(c, reading.s);
-        const Complex g = carrier * (values * c.numerator.cast<Complex>())(0);
-        model += g;
-        if (!jacobian) continue;
-        Index column = 0;
-        for (const Section& section : c.sections) {
-          const double a0 = std::exp(section.log_a0);
-          if (section.single) {
-            row(column++) -= g * a0 / (reading.s + a0);
-            continue;
-          }
-          const double a1 = std::exp(section.log_a1);
-          const Complex d = reading.s * reading.s + a1 * reading.s + a0;
-          row(column++) -= g * a1 * reading.s / d;
-          row(column++) -= g * a0 / d;
-        }
-        row.segment(poles, terms) += carrier * values;
-        if (options_.fit_delay) row(poles + terms) -= reading.s * g;
-      }
-      const Complex gap = target_[at] - model;
-      e(2 * k) = weight_[at] * gap.real();
-      e(2 * k + 1) = weight_[at] * gap.imag();
-      if (!jacobian) continue;
-      jacobian->row(2 * k) = weight_[at] * row.real();
-      jacobian->row(2 * k + 1) = weight_[at] * row.imag();
-    }
+    const Eigen::ArrayXcd carrier = carrier_of(c);
+    const Eigen::ArrayXcd g = carrier * (basis_.matrix() * c.numerator.cast<Complex>()).array();
+    e.resize(2 * points());
+    set_real_rows(-g, e);
+    e.head(points()).array() += weight_ * target_.real();
+    e.tail(points()).array() += weight_ * target_.imag();
+    if (jacobian) set_sensitivities(c, carrier, g, *jacobian);
     return e.squaredNorm();
   }
 
@@ -231,20 +175,84 @@ class Problem {
     return d;
   }
 
-  double weight(std::size_t point) const { return weight_[point]; }
+  double weight(Index point) const { return weight_(point); }
 
  private:
-  std::span<const Reading> readings_at(Index point) const {
-    const auto per = static_cast<std::size_t>(readings_per_point_);
-    return std::span(readings_).subspan(static_cast<std::size_t>(point) * per, per);
+  /// Where the model is read: each point itself and its images, which follow one another.
+  void read_images(const FrequencyResponse& response) {
+    const int images = images_for(response);
+    readings_per_point_ = 2 * images + 1;
+    if (images > 0) image_distance_ = Complex(0, kTwoPi / response.sample_period_s / omega_scale_);
+    s_.resize(points() * readings_per_point_);
+    basis_.resize(s_.size(), options_.zeros + 1);
+    Eigen::RowVectorXcd values(basis_.cols());
+    Index at = 0;
+    for (const ResponsePoint& p : response.points) {
+      const Complex own = images > 0 ? hold_factor(response.hold, p.frequency_hz, response.sample_period_s) : 1;
+      for (int l = -images; l <= images; ++l, ++at) {
+        const double f = images > 0 ? p.frequency_hz + l / response.sample_period_s : p.frequency_hz;
+        const Complex factor = images > 0 ? hold_factor(response.hold, f, response.sample_period_s) / own : 1;
+        s_(at) = Complex(0, kTwoPi * f / omega_scale_);
+        basis(s_(at), values);
+        basis_.row(at) = factor * values;
+      }
+    }
+  }
+
+  /// Of the denominator, at every reading.
+  Eigen::ArrayXcd factor_of(const Section& section) const {
+    const double a0 = std::exp(section.log_a0);
+    if (section.single) return s_ + Complex(a0);
+    return s_ * (s_ + Complex(std::exp(section.log_a1))) + Complex(a0);
+  }
+
+  /// e^(−sτ) over the denominator, at every reading.
+  Eigen::ArrayXcd carrier_of(const Candidate& c) const {
+    Eigen::ArrayXcd carrier(s_.size());
+    const Complex turn = std::exp(-c.delay * image_distance_);  // from one image to the next
+    for (Index first = 0; first < s_.size(); first += readings_per_point_) {
+      Complex at = std::exp(-c.delay * s_(first));
+      for (Index i = first; i < first + readings_per_point_; ++i, at *= turn) carrier(i) = at;
+    }
+    Eigen::ArrayXcd below = Eigen::ArrayXcd::Ones(s_.size());
+    for (const Section& section : c.sections) below *= factor_of(section);
+    return carrier / below;
+  }
+
+  /// Values at the readings summed over each point's, weighted, real parts above imaginary ones.
+  template <typename Rows>
+  void set_real_rows(const Eigen::ArrayXcd& at_readings, Rows&& rows) const {
+    const Eigen::Map<const Eigen::ArrayXXcd> by_point(at_readings.data(), readings_per_point_, points());
+    const Eigen::ArrayXcd sums = by_point.colwise().sum();
+    rows.head(points()).array() = weight_ * sums.real();
+    rows.tail(points()).array() = weight_ * sums.imag();
+  }
+
+  /// ∂G of the sections' coefficients, the numerator's, and of the delay.
+  void set_sensitivities(const Candidate& c, const Eigen::ArrayXcd& carrier, const Eigen::ArrayXcd& g,
+                         Eigen::MatrixXd& jacobian) const {
+    jacobian.resize(2 * points(), parameters(c));
+    Index column = 0;
+    for (const Section& section : c.sections) {
+      const Eigen::ArrayXcd over_factor = g / factor_of(section);
+      if (!section.single) {
+        set_real_rows(-std::exp(section.log_a1) * s_ * over_factor, jacobian.col(column++));
+      }
+      set_real_rows(-std::exp(section.log_a0) * over_factor, jacobian.col(column++));
+    }
+    for (Index j = 0; j < basis_.cols(); ++j) set_real_rows(carrier * basis_.col(j), jacobian.col(column++));
+    if (options_.fit_delay) set_real_rows(-s_ * g, jacobian.col(column));
   }
 
   RationalFitOptions options_;
   double omega_scale_ = 1, gain_scale_ = 1, lowest_ = 1, highest_ = 1, phase_delay_ = 0;
+  std::vector<double> corners_, omega_;
+  Eigen::ArrayXd weight_;   ///< per point
+  Eigen::ArrayXcd target_;  ///< per point
   int readings_per_point_ = 1;
-  std::vector<double> weight_, corners_, omega_;
-  std::vector<Complex> target_;
-  std::vector<Reading> readings_;
+  Complex image_distance_ = 0;  ///< of s
+  Eigen::ArrayXcd s_;           ///< per reading
+  Eigen::ArrayXXcd basis_;      ///< of the numerator, per reading and term, with the reading's weight in its point
 };
 
 /// Poles as sections: pairs as they are, real ones two by two, the fastest alone where their number is odd. Filled up
@@ -645,9 +653,9 @@ RationalFit describe(const Problem& problem, const Candidate& c, bool fit_delay)
   for (Complex& z : g.zeros) z *= omega;
   for (Complex& p : g.poles) p *= omega;
   if (fit_delay) fit.delay_std_error_s = std::sqrt(covariance(covariance.rows() - 1, covariance.cols() - 1)) / omega;
-  for (std::size_t k = 0; k < problem.points(); ++k) {
-    const auto row = static_cast<Index>(2 * k);
-    const Eigen::MatrixXd both = jacobian.middleRows(row, 2);
+  for (Index k = 0; k < problem.points(); ++k) {
+    Eigen::MatrixXd both(2, jacobian.cols());
+    both << jacobian.row(k), jacobian.row(problem.points() + k);
     const double variance = (both * covariance * both.transpose()).trace();
     fit.response_std_error.push_back(std::sqrt(std::max(0.0, variance)) / problem.weight(k) * problem.gain_scale());
   }
