@@ -76,7 +76,7 @@ Channel every(const Channel& channel, std::size_t stride, std::size_t covered) {
 std::vector<InputJump> jumps_of(const Recording& recording, std::size_t stride, std::size_t kept) {
   std::vector<InputJump> jumps = recording.jumps;
   for (const Segment& segment : recording.segments) {
-    if (segment.kind != SegmentKind::kStep || segment.begin == 0) continue;
+    if (!segment.begins_with_jump() || segment.begin == 0) continue;
     const std::size_t interval = segment.begin - 1;
     const bool is_known = std::ranges::any_of(jumps, [&](const InputJump& jump) { return jump.interval == interval; });
     if (!is_known) jumps.push_back({.interval = interval, .fraction = 1});

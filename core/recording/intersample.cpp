@@ -26,7 +26,7 @@ double bend_across(const std::vector<double>& u, std::size_t first, std::size_t 
 std::vector<std::size_t> stretches(const Recording& recording) {
   std::vector<std::size_t> begins{0, recording.samples()};
   for (const Segment& segment : recording.segments) {
-    if (segment.kind == SegmentKind::kStep) begins.push_back(segment.begin);
+    if (segment.begins_with_jump()) begins.push_back(segment.begin);
   }
   for (const InputJump& jump : recording.jumps) begins.push_back(jump.interval + 1);
   std::sort(begins.begin(), begins.end());
@@ -38,7 +38,7 @@ IntervalSignal between_samples(const Recording& recording, const std::vector<dou
   IntervalSignal signal{.start = u, .end = u};
   for (std::size_t i = 0; i + 1 < u.size(); ++i) signal.end[i] = u[i + 1];
   for (const Segment& segment : recording.segments) {
-    if (segment.kind == SegmentKind::kStep && segment.begin > 0) {
+    if (segment.begins_with_jump() && segment.begin > 0) {
       signal.end[segment.begin - 1] = signal.start[segment.begin - 1];
     }
   }

@@ -346,7 +346,7 @@ Gram covariances_of(const Recording& recording) {
   const std::vector<double>& y = recording.output.values;
   std::vector<std::uint8_t> commanded(u.size(), 0);
   for (const Segment& segment : recording.segments) {
-    if (segment.kind != SegmentKind::kStep) continue;
+    if (!segment.begins_with_jump()) continue;
     const std::size_t from = segment.begin - std::min<std::size_t>(segment.begin, 3);
     for (std::size_t i = from; i < std::min(segment.begin + 6, u.size()); ++i) commanded[i] = 1;
   }

@@ -52,11 +52,15 @@ enum class SegmentKind : std::uint8_t { kHold, kStep, kRamp, kSweep };
 
 struct Segment {
   SegmentKind kind = SegmentKind::kHold;
-  std::size_t begin = 0;  ///< first sample
-  std::size_t end = 0;    ///< one past the last sample
-  double level = 0;       ///< input level (mean over the segment for kSweep), unit of the input
-  double from_level = 0;  ///< input level before a step, or at the start of a ramp
-  double rate_per_s = 0;  ///< slope of a ramp
+  std::size_t begin = 0;   ///< first sample
+  std::size_t end = 0;     ///< one past the last sample
+  double level = 0;        ///< input level (mean over the segment for kSweep), unit of the input
+  double from_level = 0;   ///< input level before a step, or at the start of a ramp
+  double rate_per_s = 0;   ///< slope of a ramp
+  bool from_jump = false;  ///< of a ramp or a sweep: the input jumps at `begin` and moves on from there
+
+  /// A command that is held until its sample, however it goes on.
+  bool begins_with_jump() const { return kind == SegmentKind::kStep || from_jump; }
 };
 
 /// Where a step of the input lies inside an interval of a grid that is not the file's own stamps.

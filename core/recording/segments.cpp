@@ -205,8 +205,12 @@ bool is_hold(std::span<const double> u, Range r, double range, double sigma) {
   return high - low <= kHoldOfRange * range + sigma && spread <= kHoldOfRange * range + 1.5 * sigma;
 }
 
-void mark_step(std::span<const double> u, std::size_t edge, Segment& after) {
-  if (after.kind != SegmentKind::kHold) return;
+/// A hold behind a jump is a step.
+void mark_jump(std::span<const double> u, std::size_t edge, Segment& after) {
+  if (after.kind != SegmentKind::kHold) {
+    after.from_jump = true;
+    return;
+  }
   after.kind = SegmentKind::kStep;
   // the level just before the edge, whatever came before: a hold's mean, a ramp's end
   const Range before{edge >= 2 * kSide ? edge - 2 * kSide : 0, edge - std::min<std::size_t>(edge, kSide)};
@@ -267,7 +271,7 @@ std::vector<Segment> find_segments(std::span<const double> input, double sample_
       split_movement(input, piece, range, sigma, sample_period_s, segments);
     }
     if (k > 0) {
-      mark_step(input, begin, segments[first]);
+      mark_jump(input, begin, segments[first]);
       if (segments[first].kind == SegmentKind::kStep) {
         segments[first].level = settled_level(input, segments[first]);
         if (first > 0 && segments[first - 1].kind != SegmentKind::kRamp &&

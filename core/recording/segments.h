@@ -14,10 +14,10 @@ double noise_of(std::span<const double> values);
 /// What the input does, from first to last sample without holes: holds, steps, ramps and sweeps (see Segment).
 ///
 /// A step is a jump within three samples, above 10 standard deviations of the input's noise and 1.5 % of its range,
-/// with little movement before and after; it begins at the first sample past half of the jump. What lies between steps
-/// is a hold where it moves less than 2 % of the range; else a polyline of ramps and holds where few straight pieces,
-/// long enough to be meant, follow it within 1.5 % of the range; else one sweep. Where sweeps are
-/// most of the input, all of it is one but for a hold at its start and end.
+/// with little movement before and after; it begins at the first sample past half of the jump. What lies between jumps
+/// is a hold, a step where one leads to it, where it moves less than 2 % of the range; else a polyline of ramps and
+/// holds where few straight pieces, long enough to be meant, follow it within 1.5 % of the range; else one sweep. Where
+/// sweeps are most of the input, all of it is one but for a hold at its start and end.
 ///
 /// input            n values on a uniform grid
 /// sample_period_s  [s]

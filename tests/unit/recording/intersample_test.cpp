@@ -1,4 +1,5 @@
 #include "core/recording/intersample.h"
+#include "core/recording/segments.h"
 #include "core/recording/white_noise.h"
 
 #include <gtest/gtest.h>
@@ -55,6 +56,20 @@ TEST(NoiseFreeInput, OfACleanLogIsTheLogToTheLastBit) {
     EXPECT_EQ(noise_free_input(recording).start, input_between_samples(recording).start);
     EXPECT_EQ(noise_free_input(recording).end, input_between_samples(recording).end);
   }
+}
+
+// A set point that wanders makes ramps of a staircase's levels: its jumps are commands all the same, and half a sample
+// of one is eight times the noise of the pressure.
+TEST(InputBetweenSamples, HoldsACommandUntilItJumpsThoughItMovesOnFromThere) {
+  const auto wandering = [](std::size_t i) { return held(i) + 0.06 * static_cast<double>(i % 2000) / 2000; };
+  Recording recording = recording_of(wandering, kNoise_a);
+  recording.segments = find_segments(recording.input.values, recording.sample_period_s);
+  ASSERT_EQ(recording.segments.size(), 2u);
+  EXPECT_EQ(recording.segments[1].kind, SegmentKind::kRamp);
+  const IntervalSignal input = input_between_samples(recording);
+  EXPECT_EQ(input.end[1999], input.start[1999]);
+  EXPECT_EQ(input.end[1998], input.start[1999]);
+  EXPECT_EQ(input.end[2000], input.start[2001]);
 }
 
 TEST(NoiseFreeInput, OnAHoldIsTheHold) {
