@@ -48,6 +48,8 @@ constexpr double kMostHarm = 0.01;
 constexpr double kMostSurprise = 6;
 // Of a name whose extension leaves too much: as likely as not.
 constexpr double kUnexplainedName = 0.5;
+// Where nothing is named, what is left and the valve's own parameters share one risk of a false alarm (Bonferroni).
+constexpr double kTestsOfNoName = 2;
 constexpr int kRefitSteps = 12;
 
 /// What a law does in one recording.
@@ -606,7 +608,8 @@ bool is_explained(const Grounds& grounds, const LinearisedValve& linear, const L
 
   const double noise = noise_cost(explanation);
   const bool is_loud = explanation.cost > kLoud * std::max(noise, leftover.at_rest * linear.samples());
-  const bool is_left = leftover.p_value < kFalseAlarm || leftover.slow_at_rest > kMostSlowNoise ||
+  const double tests = explanation.laws.empty() ? kTestsOfNoName : 1;
+  const bool is_left = tests * leftover.p_value < kFalseAlarm || leftover.slow_at_rest > kMostSlowNoise ||
                        (explanation.laws.empty() ? has_certain_line(findings) : is_loud);
   const double there = baseline.cost - noise_cost(baseline);
   const double remains = std::max(0.0, explanation.cost - noise);
@@ -632,7 +635,7 @@ ValveDiagnosis conclude_search(const SearchedValve& searched, const ValveDiagnos
   // A fault that the fit has taken up leaves nothing: the valve is odd where its residual is not.
   const OwnParameters own =
       explanation.laws.empty() ? own_parameters_of(explanation.v, linear.errors(inflation), options) : OwnParameters{};
-  const bool is_taken_up = own.p_value < kFalseAlarm;
+  const bool is_taken_up = kTestsOfNoName * own.p_value < kFalseAlarm;
   const bool explained = !is_taken_up && is_explained(grounds, linear, leftover, findings, heldout);
   for (std::size_t l = 0; l < explanation.laws.size(); ++l) {
     discrepancy.causes.push_back(named_cause(grounds, l, explained));

@@ -109,7 +109,8 @@ bool leaves_memory(const Mechanism& law, const Eigen::VectorXd& v, const ValveDi
 /// What good valves show of a cause; null where the reference does not know.
 const CauseOnGoodValves* on_good_valves(std::span<const CauseOnGoodValves> causes, std::string_view cause);
 
-/// A healthy valve is called so 99 times in 100: half of that risk for names, half for the leftover.
+/// A healthy valve is called so 99 times in 100: half of that risk for names, half for the leftover and the
+/// valve's own parameters.
 inline constexpr double kFalseAlarm = 0.005;
 /// Beside this p-value, `none` has odds of 1 to 19 at the least: −e p ln p (Sellke, Bayarri and Berger, American
 /// Statistician 55 (2001) 62). No name is surer than that above it.
