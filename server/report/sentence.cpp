@@ -35,6 +35,37 @@ std::string lower_spoken(std::string cause) {
   return cause;
 }
 
+/// The unit a person would use, and how many of it one of the contract's is.
+struct Scale {
+  double factor = 1;
+  std::string unit;
+};
+Scale scale_for(double size, const std::string& unit) {
+  const bool small = size != 0 && std::abs(size) < 0.1;
+  if (small && (unit == "A" || unit == "s" || unit == "A/s")) return {1000, "m" + unit};
+  return {1, unit};
+}
+
+std::string in_unit(const std::string& number, const Scale& scale) {
+  return scale.unit.empty() ? number : number + " " + scale.unit;
+}
+
+std::string three_digits(double value) {
+  const bool thousands = std::abs(value) >= 1000 && std::abs(value) < 1e6;
+  return thousands ? fmt::format("{:.0f}", value) : fmt::format("{:.3g}", value);
+}
+
+/// As far as two digits of its uncertainty tell; three digits where it has none, or where that takes a power of ten.
+std::string as_told(double value, double uncertainty) {
+  if (!std::isfinite(value)) return "unknown";
+  constexpr double kLeast = 1e-5, kMost = 1e6;
+  const bool is_plain = uncertainty >= kLeast && uncertainty < kMost && std::abs(value) < kMost;
+  if (!is_plain) return three_digits(value);
+  const std::string text =
+      fmt::format("{:.{}f}", value, std::max(0, 1 - static_cast<int>(std::floor(std::log10(uncertainty)))));
+  return text.find_first_not_of("-0.") == std::string::npos && text.front() == '-' ? text.substr(1) : text;
+}
+
 /// Of a parameter "breakaway_A": its name without the unit that follows with the number, "breakaway".
 std::string parameter_name(const std::string& name, const std::string& unit) {
   const std::string suffix = "_" + unit;
@@ -74,12 +105,9 @@ std::string parameter_words(const std::string& name, const ParameterEstimate& es
   const std::string shown = parameter_name(name, estimate.unit);
   if (name == "recording") return words.empty() ? "" : "in " + words;
   if (!words.empty()) return estimate.text.empty() ? words : shown + " " + words;
-  std::string text = fmt::format("{} {}", shown, quantity(estimate.value, estimate.unit));
-  if (std::isfinite(estimate.ci95[0]) && std::isfinite(estimate.ci95[1])) {
-    text += fmt::format(" (95 %: {} to {})", quantity(estimate.ci95[0], estimate.unit),
-                        quantity(estimate.ci95[1], estimate.unit));
-  }
-  return text;
+  const auto [value, error, interval] = estimate_words(estimate);
+  return interval.empty() ? fmt::format("{} {}", shown, value)
+                          : fmt::format("{} {} (95 %: {})", shown, value, interval);
 }
 
 /// What every recording has its own of, where a loop begins or the phase of a tone, says nothing about the valve.
@@ -247,11 +275,26 @@ std::string spoken(const std::string& cause) {
 
 std::string quantity(double value, const std::string& unit) {
   if (!std::isfinite(value)) return "unknown";
-  const bool small = value != 0 && std::abs(value) < 0.1;
-  if (small && (unit == "A" || unit == "s" || unit == "A/s")) return fmt::format("{:.3g} m{}", value * 1000, unit);
-  const bool thousands = std::abs(value) >= 1000 && std::abs(value) < 1e6;
-  const std::string number = thousands ? fmt::format("{:.0f}", value) : fmt::format("{:.3g}", value);
-  return unit.empty() ? number : number + " " + unit;
+  const Scale scale = scale_for(value, unit);
+  return in_unit(three_digits(value * scale.factor), scale);
+}
+
+EstimateWords estimate_words(const ParameterEstimate& estimate) {
+  const auto [low, high] = estimate.ci95;
+  const Scale scale =
+      scale_for(estimate.value != 0 ? estimate.value : std::max(std::abs(low), std::abs(high)), estimate.unit);
+  const auto told = [&](double number) { return as_told(number * scale.factor, estimate.std_error * scale.factor); };
+  EstimateWords words{in_unit(told(estimate.value), scale), in_unit(told(estimate.std_error), scale), {}};
+  if (std::isfinite(low) && std::isfinite(high)) {
+    words.interval = fmt::format("{} to {}", told(low), in_unit(told(high), scale));
+  }
+  return words;
+}
+
+std::string with_deviation(double mean, double sd, const std::string& unit) {
+  const Scale scale = scale_for(std::max(std::abs(mean), sd), unit);
+  return fmt::format("{} ± {}", as_told(mean * scale.factor, sd * scale.factor),
+                     in_unit(as_told(sd * scale.factor, sd * scale.factor), scale));
 }
 
 std::string value_words(const std::string& parameter, const ParameterEstimate& estimate,

@@ -28,6 +28,17 @@ std::string spoken(const std::string& cause);
 /// below 0.1 in ms. "unknown" where the value is not finite.
 std::string quantity(double value, const std::string& unit);
 
+/// An estimate as far as two digits of its standard error tell, all in the unit of `quantity`: "1.6347 A", "0.53 mA",
+/// "1.6337 to 1.6357 A". Three significant digits where it has none.
+struct EstimateWords {
+  std::string value, error;
+  std::string interval;  ///< empty where it has no ends
+};
+EstimateWords estimate_words(const ParameterEstimate& estimate);
+
+/// A mean with its standard deviation, as far as two digits of this tell: "0.00 ± 0.24 mA".
+std::string with_deviation(double mean, double sd, const std::string& unit);
+
 /// The value of a cause's parameter where it is no number to a person: a recording by its name, a place by its words.
 /// Empty where the value is a number.
 std::string value_words(const std::string& parameter, const ParameterEstimate& estimate,

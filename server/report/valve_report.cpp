@@ -99,13 +99,11 @@ std::string parameter_table(const NamedCause& cause, const std::vector<Recording
       {{"Parameter"}, {"Value", true}, {"Standard error", true}, {"95 % interval", true}, {"Good valves", true}});
   for (const auto& [name, p] : cause.parameters) {
     const std::string words = value_words(name, p, recordings);
-    const std::string value = words.empty() ? quantity(p.value, p.unit) : words;
-    const bool bounded = std::isfinite(p.ci95[0]) && std::isfinite(p.ci95[1]);
+    const EstimateWords told = estimate_words(p);
     const bool known = std::isfinite(p.population_mean);
-    table.add_row(
-        {"<code>" + escaped(name) + "</code>", escaped(value), escaped(quantity(p.std_error, p.unit)),
-         bounded ? escaped(quantity(p.ci95[0], p.unit) + " to " + quantity(p.ci95[1], p.unit)) : "–",
-         known ? escaped(quantity(p.population_mean, p.unit) + " ± " + quantity(p.population_sd, p.unit)) : "–"});
+    table.add_row({"<code>" + escaped(name) + "</code>", escaped(words.empty() ? told.value : words),
+                   escaped(told.error), told.interval.empty() ? "–" : escaped(told.interval),
+                   known ? escaped(with_deviation(p.population_mean, p.population_sd, p.unit)) : "–"});
   }
   return table.markup();
 }

@@ -17,6 +17,12 @@ export function withDeviation(mean, deviation) {
   return `${mean.toFixed(decimals).replace(/^-(0(\.0*)?)$/, "$1")} ± ${deviation.toFixed(decimals)}`;
 }
 
+/// A number as far as two digits of its uncertainty tell; three digits where it has none: 1.6347 of ± 0.00053.
+export function asTold(value, uncertainty) {
+  if (typeof value !== "number" || !(uncertainty >= 1e-5) || uncertainty >= 1e6 || Math.abs(value) >= 1e6) return figure(value);
+  return value.toFixed(Math.max(0, 1 - Math.floor(Math.log10(uncertainty)))).replace(/^-(0(\.0*)?)$/, "$1");
+}
+
 /// The number and unit a person would write: 0.0183 A is 18.3 mA.
 export function scaled(value, unit) {
   const small = typeof value === "number" && value !== 0 && Math.abs(value) < 0.1;

@@ -6,7 +6,7 @@ import { address, el, keepInAddress, section } from "./dom.js";
 import { reportLink } from "./report_link.js";
 import { follow } from "./events.js";
 import { findingsPart } from "./findings.js";
-import { bytes, conclusionBeside, counted, featureWords, figure, isFinal, percent, quantity, scaled, spoken, time, unbroken, verdictMark, withDeviation } from "./format.js";
+import { asTold, bytes, conclusionBeside, counted, featureWords, figure, isFinal, percent, quantity, scaled, spoken, time, unbroken, verdictMark, withDeviation } from "./format.js";
 import { barRow, gainBars } from "./gain_bar.js";
 import { sessionColumns } from "./list_view.js";
 import { recordingPlots } from "./plots.js";
@@ -88,10 +88,10 @@ function parameterTable(cause, recordings) {
   if (rows.length === 0) return null;
   return table([
     { title: "Parameter", value: (r) => r.name, show: (r) => el("code", {}, r.name) },
-    { title: "Value", value: (r) => r.value, show: (r) => (typeof r.value === "string" ? r.value : figure(r.value)), number: true },
-    { title: "±", value: (r) => r.se, show: (r) => figure(r.se, 2), number: true },
-    { title: "95 % from", value: (r) => r.low, show: (r) => figure(r.low), number: true },
-    { title: "to", value: (r) => r.high, show: (r) => figure(r.high), number: true },
+    { title: "Value", value: (r) => r.value, show: (r) => (typeof r.value === "string" ? r.value : asTold(r.value, r.se)), number: true },
+    { title: "±", value: (r) => r.se, show: (r) => asTold(r.se, r.se), number: true },
+    { title: "95 % from", value: (r) => r.low, show: (r) => asTold(r.low, r.se), number: true },
+    { title: "to", value: (r) => r.high, show: (r) => asTold(r.high, r.se), number: true },
     { title: "Unit", value: (r) => r.unit, show: (r) => r.unit || "–" },
     { title: "Good valves", value: (r) => r.mean, show: (r) => (goodValves(r)), number: true },
   ], rows, { caption: `Parameters of ${spoken(cause.cause).toLowerCase()}` });

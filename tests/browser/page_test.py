@@ -157,8 +157,8 @@ class Page(unittest.TestCase):
         text = self.browser.text()
         self.assertIn("The simulation is wrong because it lacks friction.", text)
         self.assertIn("It is the valve's fault.", text)
-        self.assertIn("Breakaway 20 mA (95 %: 18 mA to 22 mA)", text)
-        self.assertIn("20\u00a0mA (95\u00a0%: 18\u00a0mA to 22\u00a0mA)", self.browser.run("document.body.innerText"))  # no line ends before a unit
+        self.assertIn("Breakaway 20.0 mA (95 %: 18.0 to 22.0 mA)", text)
+        self.assertIn("20.0\u00a0mA (95\u00a0%: 18.0 to 22.0\u00a0mA)", self.browser.run("document.body.innerText"))  # no line ends before a unit
         self.assertIn("holds until the current has moved 20 mA", self.browser.run("document.body.textContent"))
         self.picture("valve")
 

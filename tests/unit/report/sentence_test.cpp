@@ -38,7 +38,7 @@ TEST(Sentence, OfANamedCauseSaysWhatIsWrongHowSurelyAndHowMuch) {
   ASSERT_EQ(summary.causes.size(), 1u);
   EXPECT_EQ(summary.causes[0],
             "Friction: sticks until the force difference passes breakaway, then slips (stiction, Coulomb). Probability "
-            "97 %. Breakaway 18.3 mA (95 %: 17.5 mA to 19.1 mA).");
+            "97 %. Breakaway 18.30 mA (95 %: 17.50 to 19.10 mA).");
   EXPECT_EQ(summary.gain,
             "On data it was not fitted to (each recording in turn), the simulation's error goes from 2.4 psi to 0.4 "
             "psi; noise alone is 0.35 psi.");
@@ -201,6 +201,28 @@ TEST(Quantity, UsesTheUnitAPersonWould) {
   EXPECT_EQ(quantity(0.0125, "psi"), "0.0125 psi");
   EXPECT_EQ(quantity(-2.5, ""), "-2.5");
   EXPECT_EQ(quantity(kNone, "psi"), "unknown");
+}
+
+TEST(Estimate, SaysAsMuchAsTwoDigitsOfItsErrorTellInOneUnit) {
+  // A place is known a thousand times better than its size: three digits would hide it.
+  const EstimateWords centre =
+      estimate_words({.value = 1.634712, .std_error = 0.000526, .ci95 = {1.63366, 1.63576}, .unit = "A"});
+  EXPECT_EQ(centre.value, "1.63471 A");
+  EXPECT_EQ(centre.error, "0.00053 A");
+  EXPECT_EQ(centre.interval, "1.63366 to 1.63576 A");
+  const EstimateWords width =
+      estimate_words({.value = 0.0957, .std_error = 0.0049, .ci95 = {0.0859, 0.1055}, .unit = "A"});
+  EXPECT_EQ(width.value, "95.7 mA");
+  EXPECT_EQ(width.interval, "85.9 to 105.5 mA");
+  const EstimateWords none = estimate_words({.value = 0, .std_error = 0.0004, .ci95 = {-0.0008, 0.0008}, .unit = "A"});
+  EXPECT_EQ(none.value, "0.00 mA");
+  EXPECT_EQ(none.interval, "-0.80 to 0.80 mA");
+  EXPECT_EQ(estimate_words({.value = 120.4, .std_error = 0, .ci95 = {120.4, kNone}, .unit = "psi"}).interval, "");
+  EXPECT_EQ(estimate_words({.value = 120.4, .std_error = 0, .unit = "psi"}).value, "120 psi");
+  EXPECT_EQ(estimate_words({.value = 6.84e-8, .std_error = 1e-9, .unit = "1/psi2"}).value, "6.84e-08 1/psi2");
+  EXPECT_EQ(with_deviation(0, 0.000244, "A"), "0.00 ± 0.24 mA");
+  EXPECT_EQ(with_deviation(-1e-5, 0.000244, "A"), "-0.01 ± 0.24 mA");
+  EXPECT_EQ(with_deviation(-1e-7, 0.000244, "A"), "0.00 ± 0.24 mA");
 }
 
 TEST(Percent, NeverClaimsCertainty) {
