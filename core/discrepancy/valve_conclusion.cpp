@@ -329,10 +329,10 @@ NamedCause named_cause(const Grounds& grounds, std::size_t l, bool explained) {
   for (const Ranked& r : place.ranked) {
     if (r.cause == named.cause) {
       named.probability = r.probability;
-      named.evidence.push_back(
-          fmt::format("with it the squared error is less by {:.0f} noise variances, {:.0f} of them borne out wherever it "
-                      "acts; a good valve shows as much with a probability of {:.2g}",
-                      r.reduction, r.evidence.value, place.p_value));
+      named.evidence.push_back(fmt::format(
+          "with it the squared error is less by {:.0f} noise variances, {:.0f} of them borne out wherever it "
+          "acts; a good valve shows as much with a probability of {:.2g}",
+          r.reduction, r.evidence.value, place.p_value));
     } else if (r.probability >= kWorthNaming) {
       named.alternatives.push_back(r.cause);
     }

@@ -613,11 +613,18 @@ void ValveFitProblem::add_penalty(const VectorXd& v, Normal& normal) const {
 class ValveFitProblem::Columns {
  public:
   Columns(const ValveFitProblem& problem, const VectorXd& v, std::size_t recording)
-      : problem_(problem), v_(v), recording_(recording), base_(problem.run(v, recording, true)) {
+      : problem_(problem),
+        v_(v),
+        recording_(recording),
+        base_(problem.run(v, recording, true)),
+        used_(static_cast<std::size_t>(problem.knots_), false) {
     const StaticMap map = problem.map_of(v);
     for (const double x : base_.position) {
       slope_.push_back(map.slope(x));
       shares_.push_back(problem.curve_.share_at(x));
+      const std::size_t first = shares_.back().first;
+      for (std::size_t k = first; k < std::min(first + shares_.back().weight.size(), used_.size()); ++k)
+        used_[k] = true;
     }
     has_steady_laws_ = base_.steady != base_.mapped;
     if (!has_steady_laws_) return;
@@ -675,25 +682,62 @@ class ValveFitProblem::Columns {
     return changes;
   }
 
-  bool uses_knot(Index knot) const {
-    return std::any_of(shares_.begin(), shares_.end(), [&](const KnotCurve::Share& share) {
-      return static_cast<std::size_t>(knot) - share.first < share.weight.size();
-    });
-  }
-
-  /// ∂output / ∂knot.
-  std::vector<double> of_knot(Index knot) const {
-    std::vector<double> change(base_.position.size(), 0.0);
-    for (std::size_t i = 0; i < change.size(); ++i) {
-      const KnotCurve::Share& share = shares_[i];
-      const auto k = static_cast<std::size_t>(knot) - share.first;  // wraps where the knot lies before
-      if (k < share.weight.size()) change[i] = share.weight[k];
+  /// ∂output / ∂knot of every knot that takes part, given to `keep` with the knot's number.
+  template <typename Keep>
+  void of_knots(const Keep& keep) const {
+    for (Index first = 0; first < problem_.knots_; first += kAbreast) {
+      const auto is_used = [&](Index knot) { return knot < problem_.knots_ && used_[static_cast<std::size_t>(knot)]; };
+      std::vector<Index> used;
+      for (Index k = first; k < first + kAbreast; ++k) {
+        if (is_used(k)) used.push_back(k);
+      }
+      if (used.empty()) continue;
+      const std::vector<Abreast> abreast = pressures_of_knots(first);
+      for (const Index knot : used) {
+        std::vector<double> change;
+        change.reserve(abreast.size());
+        for (const Abreast& at : abreast) change.push_back(at(knot - first));
+        problem_.output_tangents(v_, recording_, base_, change);
+        keep(knot, change);
+      }
     }
-    carry_steady(change);
-    return change;
   }
 
  private:
+  // Each sample of a sensitivity waits for the one before: several abreast keep a processor busy.
+  static constexpr Index kAbreast = 4;
+  using Abreast = Eigen::Array<double, kAbreast, 1>;
+
+  /// ∂pressure / ∂knot of neighbouring knots as the gauge shows it, a value of each per sample.
+  std::vector<Abreast> pressures_of_knots(Index first) const {
+    const VolumeTangent& tangent = base_.tangent;
+    const std::size_t samples = tangent.keep.size();
+    const auto steady = [&](std::size_t i) {
+      Abreast change = Abreast::Zero();
+      const KnotCurve::Share& share = shares_[i];
+      for (std::size_t k = 0; k < share.weight.size(); ++k) {
+        const auto at = static_cast<Index>(share.first + k) - first;
+        if (at >= 0 && at < kAbreast) change(at) = share.weight[k];
+      }
+      if (has_steady_laws_) change *= steady_gain_[i];
+      return change;
+    };
+    std::vector<Abreast> pressures;
+    pressures.reserve(samples);
+    Abreast begin = steady(0), p = begin;  // the volume starts at its steady pressure
+    for (std::size_t i = 0; i < samples; ++i) {
+      const Abreast middle = steady(2 * i + 1), end = i + 1 < samples ? steady(2 * i + 2) : middle;
+      pressures.push_back(p);
+      p = tangent.keep[i] * p + tangent.begin[i] * begin + tangent.middle[i] * middle + tangent.end[i] * end;
+      begin = end;
+    }
+    if (const double lag_s = problem_.options_.usual.gauge_lag_s; lag_s > 0) {
+      GaugeLag<Abreast> lag(lag_s, period_s(), pressures.front());
+      for (Abreast& at : std::span(pressures).subspan(1)) at = lag.next(at);
+    }
+    return pressures;
+  }
+
   bool moves_position(Index entry) const {
     const Index own = problem_.own_at(recording_);
     if (entry >= own && entry < own + kStarts && entry != own + kPressureGap) return true;
@@ -834,6 +878,7 @@ class ValveFitProblem::Columns {
   Run base_;
   std::vector<double> slope_, steady_gain_;
   std::vector<KnotCurve::Share> shares_;  ///< of the knots in the map at each sample
+  std::vector<bool> used_;                ///< which knots have any
   bool has_steady_laws_ = false;
 };
 
@@ -901,9 +946,7 @@ ValveFitProblem::Rows ValveFitProblem::rows(const VectorXd& v, std::size_t recor
   }
   const std::vector<std::vector<double>> changes = columns.of(moves);
   for (std::size_t k = 0; k < moves.size(); ++k) keep(column_of[k], changes[k]);
-  for (Index k = 0; k < knots_; ++k) {
-    if (columns.uses_knot(k)) keep(kParameters + k, columns.of_knot(k));
-  }
+  columns.of_knots([&](Index knot, const std::vector<double>& change) { keep(kParameters + knot, change); });
   rows.jacobian = BlockedColumns(std::move(jacobian));
   return rows;
 }
