@@ -22,7 +22,7 @@ inline std::vector<double> run_in_c(const std::string& source, const Recording& 
   std::ofstream(folder / "model.c") << source;
   std::ofstream input(folder / "input");
   std::vector<int> is_step(recording.input.values.size(), 0);
-  for (const Segment& segment : recording.segments) is_step[segment.begin] = segment.kind == SegmentKind::kStep;
+  for (const Segment& segment : recording.segments) is_step[segment.begin] = segment.begins_with_jump();
   for (std::size_t i = 0; i < is_step.size(); ++i) {
     input << fmt::format("{:.17g} {} {:.17g}\n", recording.input.values[i], is_step[i], recording.side[0].values[i]);
   }
