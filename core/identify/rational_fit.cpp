@@ -166,15 +166,6 @@ class Problem {
     return next;
   }
 
-  static Complex denominator(const Candidate& c, Complex s) {
-    Complex d = 1;
-    for (const Section& section : c.sections) {
-      const double a0 = std::exp(section.log_a0);
-      d *= section.single ? s + a0 : s * s + std::exp(section.log_a1) * s + a0;
-    }
-    return d;
-  }
-
   double weight(Index point) const { return weight_(point); }
 
  private:
@@ -613,7 +604,8 @@ void add_zero_errors(const Problem& problem, const Candidate& c, const std::vect
 }
 
 void add_static_gain(const Problem& problem, const Candidate& c, const Eigen::MatrixXd& covariance, RationalFit& fit) {
-  const double denominator = Problem::denominator(c, 0).real();
+  double denominator = 1;  // at s = 0
+  for (const Section& section : c.sections) denominator *= std::exp(section.log_a0);
   const double gain = c.numerator.sum() / denominator;  // every N_i is 1 at s = 0
   Eigen::RowVectorXcd gradient = Eigen::RowVectorXcd::Zero(covariance.cols());
   Index column = 0;

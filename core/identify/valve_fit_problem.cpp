@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <span>
 
 #include "core/mechanisms/simulate_extended.h"
 #include "core/model/gauge.h"
@@ -686,10 +687,9 @@ class ValveFitProblem::Columns {
   template <typename Keep>
   void of_knots(const Keep& keep) const {
     for (Index first = 0; first < problem_.knots_; first += kAbreast) {
-      const auto is_used = [&](Index knot) { return knot < problem_.knots_ && used_[static_cast<std::size_t>(knot)]; };
       std::vector<Index> used;
-      for (Index k = first; k < first + kAbreast; ++k) {
-        if (is_used(k)) used.push_back(k);
+      for (Index k = first; k < std::min(first + kAbreast, problem_.knots_); ++k) {
+        if (used_[static_cast<std::size_t>(k)]) used.push_back(k);
       }
       if (used.empty()) continue;
       const std::vector<Abreast> abreast = pressures_of_knots(first);
@@ -710,9 +710,7 @@ class ValveFitProblem::Columns {
 
   /// ∂pressure / ∂knot of neighbouring knots as the gauge shows it, a value of each per sample.
   std::vector<Abreast> pressures_of_knots(Index first) const {
-    const VolumeTangent& tangent = base_.tangent;
-    const std::size_t samples = tangent.keep.size();
-    const auto steady = [&](std::size_t i) {
+    return behind_volume<Abreast>([&](std::size_t i) {
       Abreast change = Abreast::Zero();
       const KnotCurve::Share& share = shares_[i];
       for (std::size_t k = 0; k < share.weight.size(); ++k) {
@@ -721,19 +719,27 @@ class ValveFitProblem::Columns {
       }
       if (has_steady_laws_) change *= steady_gain_[i];
       return change;
-    };
-    std::vector<Abreast> pressures;
+    });
+  }
+
+  /// Changes of the steady pressure, two a sample, carried through the volume and the gauge.
+  template <typename Value, typename Steady>
+  std::vector<Value> behind_volume(const Steady& steady) const {
+    const VolumeTangent& tangent = base_.tangent;
+    const std::size_t samples = tangent.keep.size();
+    std::vector<Value> pressures;
+    if (samples == 0) return pressures;
     pressures.reserve(samples);
-    Abreast begin = steady(0), p = begin;  // the volume starts at its steady pressure
+    Value begin = steady(0), p = begin;  // the volume starts at its steady pressure
     for (std::size_t i = 0; i < samples; ++i) {
-      const Abreast middle = steady(2 * i + 1), end = i + 1 < samples ? steady(2 * i + 2) : middle;
+      const Value middle = steady(2 * i + 1), end = i + 1 < samples ? steady(2 * i + 2) : middle;
       pressures.push_back(p);
       p = tangent.keep[i] * p + tangent.begin[i] * begin + tangent.middle[i] * middle + tangent.end[i] * end;
       begin = end;
     }
     if (const double lag_s = problem_.options_.usual.gauge_lag_s; lag_s > 0) {
-      GaugeLag<Abreast> lag(lag_s, period_s(), pressures.front());
-      for (Abreast& at : std::span(pressures).subspan(1)) at = lag.next(at);
+      GaugeLag<Value> lag(lag_s, period_s(), pressures.front());
+      for (Value& at : std::span(pressures).subspan(1)) at = lag.next(at);
     }
     return pressures;
   }
@@ -857,17 +863,7 @@ class ValveFitProblem::Columns {
   }
 
   void carry_volume(std::vector<double>& change) const {
-    double p = change.empty() ? 0 : change.front();  // the volume starts at its steady pressure
-    const VolumeTangent& tangent = base_.tangent;
-    const std::size_t samples = tangent.keep.size();
-    for (std::size_t i = 0; i < samples; ++i) {
-      const double begin = change[2 * i], middle = change[2 * i + 1];
-      const double end = i + 1 < samples ? change[2 * i + 2] : middle;
-      change[i] = p;
-      p = tangent.keep[i] * p + tangent.begin[i] * begin + tangent.middle[i] * middle + tangent.end[i] * end;
-    }
-    change.resize(samples);
-    read_behind_lag(problem_.options_.usual.gauge_lag_s, period_s(), change);
+    change = behind_volume<double>([&](std::size_t i) { return change[i]; });
   }
 
   double period_s() const { return problem_.period_s(recording_); }

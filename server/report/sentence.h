@@ -28,8 +28,8 @@ std::string spoken(const std::string& cause);
 /// below 0.1 in ms. "unknown" where the value is not finite.
 std::string quantity(double value, const std::string& unit);
 
-/// An estimate as far as two digits of its standard error tell, all in the unit of `quantity`: "1.6347 A", "0.53 mA",
-/// "1.6337 to 1.6357 A". Three significant digits where it has none.
+/// An estimate as far as two digits of its standard error tell, all in the unit that `quantity` has for the value:
+/// "1.63471 A", "0.00053 A", "1.63366 to 1.63576 A". Three significant digits where it has no error.
 struct EstimateWords {
   std::string value, error;
   std::string interval;  ///< empty where it has no ends

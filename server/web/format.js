@@ -10,17 +10,21 @@ export function figure(value, digits = 3) {
   return text.includes("e") ? String(Math.round(value)) : text;
 }
 
+/// With as many decimals as two digits of an uncertainty above 0 have.
+function toTwoDigitsOf(uncertainty, value) {
+  return value.toFixed(Math.max(0, 1 - Math.floor(Math.log10(uncertainty)))).replace(/^-(0(\.0*)?)$/, "$1");
+}
+
 /// A mean with its standard deviation, as far as the deviation's two digits tell: "0.00 ± 0.16".
 export function withDeviation(mean, deviation) {
   if (!(deviation > 0) || deviation >= 100 || deviation < 1e-4) return `${figure(mean)} ± ${figure(deviation, 2)}`;
-  const decimals = Math.max(0, 1 - Math.floor(Math.log10(deviation)));
-  return `${mean.toFixed(decimals).replace(/^-(0(\.0*)?)$/, "$1")} ± ${deviation.toFixed(decimals)}`;
+  return `${toTwoDigitsOf(deviation, mean)} ± ${toTwoDigitsOf(deviation, deviation)}`;
 }
 
-/// A number as far as two digits of its uncertainty tell; three digits where it has none: 1.6347 of ± 0.00053.
+/// A number as far as two digits of its uncertainty tell; three digits where it has none: 1.63471 of ± 0.00053.
 export function asTold(value, uncertainty) {
   if (typeof value !== "number" || !(uncertainty >= 1e-5) || uncertainty >= 1e6 || Math.abs(value) >= 1e6) return figure(value);
-  return value.toFixed(Math.max(0, 1 - Math.floor(Math.log10(uncertainty)))).replace(/^-(0(\.0*)?)$/, "$1");
+  return toTwoDigitsOf(uncertainty, value);
 }
 
 /// The number and unit a person would write: 0.0183 A is 18.3 mA.

@@ -22,8 +22,6 @@ class GoodValves {
     for (int k = 0; k < 40; ++k) knots_.push_back(1 + 0.025 * k);
   }
 
-  const std::vector<double>& knots() const { return knots_; }
-
   Eigen::MatrixXd fitted(int count) {
     Eigen::MatrixXd vectors(kOwn + static_cast<Eigen::Index>(knots_.size()), count);
     for (int i = 0; i < count; ++i) {
