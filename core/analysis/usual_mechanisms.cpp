@@ -1,6 +1,6 @@
 #include "core/analysis/usual_mechanisms.h"
 
-#include <Eigen/Cholesky>
+#include <Eigen/Core>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -9,6 +9,7 @@
 
 #include "core/discrepancy/linearised_valve.h"
 #include "core/identify/valve_fit_problem.h"
+#include "core/linear_algebra/solve.h"
 
 namespace valvetriage {
 namespace {
@@ -82,7 +83,7 @@ class Learner {
       for (int attempt = 0; attempt < 4 && setting.cost == before; ++attempt) {
         MatrixXd a = normal.a;
         a.diagonal() *= 1 + damping;
-        const VectorXd move = a.ldlt().solve(normal.b);
+        const VectorXd move = solve_symmetric(a, normal.b);
         VectorXd shared = setting.shared;
         for (std::size_t j = 0; j < free.size(); ++j) shared(free[j]) += move(static_cast<Index>(j));
         Setting tried = fitted(clamped(std::move(shared)), setting.own, kRefitIterations);

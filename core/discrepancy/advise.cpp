@@ -1,13 +1,14 @@
 #include "core/discrepancy/advise.h"
 
 #include <fmt/format.h>
+#include <Eigen/Core>
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <set>
 
+#include "core/linear_algebra/solve.h"
 #include "core/mechanisms/simulate_extended.h"
 #include "core/model/test_plan.h"
 #include "core/recording/segments.h"
@@ -141,7 +142,7 @@ double distance(const Run& a, const Run& b, double noise) {
   MatrixXd inner = g.transpose() * g;
   inner.diagonal().array() += noise * noise;
   const VectorXd seen = g.transpose() * delta;
-  const double squares = delta.squaredNorm() - seen.dot(inner.ldlt().solve(seen));
+  const double squares = delta.squaredNorm() - seen.dot(solve_symmetric(inner, seen));
   return std::sqrt(std::max(squares, 0.0)) / noise;
 }
 

@@ -1,6 +1,8 @@
 #include "core/discrepancy/black_box.h"
 
-#include <Eigen/Cholesky>
+#include <Eigen/Core>
+
+#include "core/linear_algebra/solve.h"
 
 namespace valvetriage {
 
@@ -25,7 +27,7 @@ VectorXd ridge(const MatrixXd& square, const VectorXd& right, double strength) {
   const VectorXd scale = square.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
   MatrixXd scaled = scale.asDiagonal() * square * scale.asDiagonal();
   scaled.diagonal().array() += strength;
-  return scale.cwiseProduct(scaled.ldlt().solve(scale.cwiseProduct(right)));
+  return scale.cwiseProduct(solve_symmetric(scaled, scale.cwiseProduct(right)));
 }
 
 }  // namespace valvetriage

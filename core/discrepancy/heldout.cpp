@@ -1,6 +1,6 @@
 #include "core/discrepancy/heldout.h"
 
-#include <Eigen/Cholesky>
+#include <Eigen/Core>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -10,6 +10,7 @@
 #include <set>
 
 #include "core/discrepancy/black_box.h"
+#include "core/linear_algebra/solve.h"
 
 namespace valvetriage {
 namespace {
@@ -162,7 +163,7 @@ class Refit {
   VectorXd bounded_step(const MatrixXd& a, const VectorXd& b) const {
     constexpr int kMostRounds = 8;
     const VectorXd& v = explanation_.v;
-    VectorXd step = a.ldlt().solve(b);
+    VectorXd step = solve_symmetric(a, b);
     std::vector<Index> stopped;
     for (int round = 0; round < kMostRounds; ++round) {
       const VectorXd allowed = explanation_.problem->clamped(v + step) - v;
@@ -182,7 +183,7 @@ class Refit {
         free(j, j) = 1;
         right(j) = allowed(j);
       }
-      step = free.ldlt().solve(right);
+      step = solve_symmetric(free, right);
     }
     return step;
   }

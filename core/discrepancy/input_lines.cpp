@@ -2,7 +2,8 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Dense>
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
 #include <algorithm>
 #include <boost/math/tools/minima.hpp>
 #include <cmath>
@@ -14,6 +15,7 @@
 #include "core/discrepancy/evidence.h"
 #include "core/discrepancy/tones.h"
 #include "core/discrepancy/valve_contest.h"
+#include "core/linear_algebra/solve.h"
 #include "core/statistics/distributions.h"
 
 namespace valvetriage {
@@ -170,7 +172,7 @@ std::optional<Eigen::Vector2d> seen_in_windows(const Recording& recording, const
       const double phase = rad * static_cast<double>(first + i);
       columns.row(i) << 1, t, t * t, t * t * t, gain * std::sin(phase), gain * std::cos(phase);
     }
-    const VectorXd there = columns.householderQr().solve(Eigen::Map<const VectorXd>(input.data() + first, window));
+    const VectorXd there = least_squares(columns, Eigen::Map<const VectorXd>(input.data() + first, window));
     const Eigen::Vector2d amplitude = there.tail<2>();
     if (line.is(amplitude)) {
       sum += amplitude;

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/linear_algebra/solve.h"
+
 namespace valvetriage {
 namespace {
 
@@ -222,7 +224,7 @@ bool descend(Search& search, const LinearisedValve& fit, Point& point, double& d
     MatrixXd damped = a;
     damped.diagonal() *= 1 + damping;
     damped.diagonal().array() += 1e-12 * std::max(a.diagonal().maxCoeff(), 1e-12);
-    const VectorXd move = damped.ldlt().solve(b);
+    const VectorXd move = solve_symmetric(damped, b);
     Point tried;
     tried.parameters = point.parameters;
     for (std::size_t j = 0; j < k; ++j) tried.parameters[varied[j]] += move(static_cast<Index>(j));

@@ -1,10 +1,11 @@
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 
 #include "core/statistics/distributions.h"
 
 #include "core/discrepancy/machine_search.h"
+#include "core/linear_algebra/solve.h"
 
 namespace valvetriage {
 namespace {
@@ -31,7 +32,7 @@ Eigen::VectorXd prediction_of(const std::vector<std::vector<double>>& gaps) {
     }
   }
   square.diagonal().array() += 1e-9 * square.trace() + 1e-300;
-  return square.ldlt().solve(right);
+  return solve_symmetric(square, right);
 }
 
 std::vector<double> whitened_log_rms(const std::vector<std::vector<double>>& gaps, const Eigen::VectorXd& prediction) {

@@ -1,10 +1,12 @@
 #include "core/discrepancy/machine_feedback.h"
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <numeric>
 #include <vector>
+
+#include "core/linear_algebra/solve.h"
 
 namespace valvetriage {
 namespace {
@@ -38,7 +40,7 @@ double feedback_share(const Recording& recording) {
   const double mean = steps.mean();
   const double total = (steps.array() - mean).square().sum();
   if (total <= 0) return 0;
-  const Eigen::VectorXd gap = steps - columns * columns.colPivHouseholderQr().solve(steps);
+  const Eigen::VectorXd gap = steps - columns * least_squares(columns, steps);
   return 1 - gap.squaredNorm() / total;
 }
 
@@ -60,7 +62,7 @@ double trimmed_squares(const MatrixXd& columns, const VectorXd& values) {
       square += columns.row(*row).transpose() * columns.row(*row);
       right += values[*row] * columns.row(*row).transpose();
     }
-    gap = values - columns * square.completeOrthogonalDecomposition().solve(right);
+    gap = values - columns * least_squares(square, right);
     squares = 0;
     for (auto row = order.begin(); row != order.begin() + kept; ++row) squares += gap[*row] * gap[*row];
   }

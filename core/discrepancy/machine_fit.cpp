@@ -1,12 +1,13 @@
 #include "core/discrepancy/machine_fit.h"
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numeric>
 
 #include "core/identify/spectrum.h"
+#include "core/linear_algebra/solve.h"
 
 namespace valvetriage {
 namespace {
@@ -260,7 +261,7 @@ class Refiner {
     while (damping < kMostDamping && !budget_.spent()) {
       MatrixXd damped = scaled;
       damped.diagonal().array() += damping + 1e-14;
-      const VectorXd step = scale.cwiseProduct(damped.ldlt().solve(gradient));
+      const VectorXd step = scale.cwiseProduct(solve_symmetric(damped, gradient));
       MachineFit trial = fit_;
       move(trial, step);
       trial.squares = squares_of(trial);
@@ -418,7 +419,7 @@ MatrixXd parameter_covariance(const MachineData& data, const MachineRows& rows, 
   const VectorXd scale = diagonal.cwiseSqrt().cwiseInverse();
   MatrixXd scaled = scale.asDiagonal() * normal.a * scale.asDiagonal();
   scaled.diagonal().array() += 1e-12;
-  const MatrixXd inverse = scaled.ldlt().solve(MatrixXd::Identity(scaled.rows(), scaled.cols()));
+  const MatrixXd inverse = inverse_of_symmetric(scaled);
   VectorXd unit(static_cast<Index>(fit.free.size()));
   for (Index i = 0; i < unit.size(); ++i) {
     const FreeParameter& p = fit.free[static_cast<std::size_t>(i)];

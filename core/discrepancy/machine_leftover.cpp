@@ -1,8 +1,10 @@
 #include "core/discrepancy/machine_leftover.h"
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
+
+#include "core/linear_algebra/solve.h"
 
 namespace valvetriage {
 namespace {
@@ -13,6 +15,7 @@ using Eigen::VectorXd;
 
 constexpr std::size_t kShifts = 199;
 constexpr std::size_t kBlocks = 12;  // over all records
+constexpr double kDependent = 1e-9;  // a state that the others tell
 
 /// What one record's residual is regressed on, and where it is cut.
 struct Regression {
@@ -20,12 +23,6 @@ struct Regression {
   std::vector<Index> cuts;      ///< blocks begin here; the last is the end
   std::vector<MatrixXd> bases;  ///< orthonormal, per block
 };
-
-MatrixXd orthonormal(const MatrixXd& columns) {
-  Eigen::ColPivHouseholderQR<MatrixXd> qr(columns);
-  qr.setThreshold(1e-9);
-  return qr.householderQ() * MatrixXd::Identity(columns.rows(), qr.rank());
-}
 
 /// States, input and a level.
 MatrixXd states_of(const MachineRecord& record, const MachineFit& linear) {
@@ -45,13 +42,13 @@ Regression regression_of(const MachineData& data, std::size_t r, const MachineFi
   const auto run = run_record(data, r, linear);
   for (const std::size_t t : record.valid) regression.residual[static_cast<Index>(t)] = record.output[t] - run[t];
   // What holds over the whole record is the linear machine's own, a numerator that could be better.
-  const MatrixXd over_all = orthonormal(states);
+  const MatrixXd over_all = orthonormal_basis(states, kDependent);
   regression.residual -= over_all * (over_all.transpose() * regression.residual).eval();
   for (std::size_t b = 0; b <= blocks; ++b) {
     regression.cuts.push_back(n * static_cast<Index>(b) / static_cast<Index>(blocks));
     if (b == 0) continue;
     const Index begin = regression.cuts[b - 1];
-    regression.bases.push_back(orthonormal(states.middleRows(begin, regression.cuts[b] - begin)));
+    regression.bases.push_back(orthonormal_basis(states.middleRows(begin, regression.cuts[b] - begin), kDependent));
   }
   return regression;
 }

@@ -1,7 +1,9 @@
 #include "core/discrepancy/machine_linear.h"
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
+
+#include "core/linear_algebra/solve.h"
 
 namespace valvetriage {
 namespace {
@@ -19,11 +21,6 @@ Eigen::MatrixXd free_responses(const MachineBlock& block, std::span<const double
     responses.col(j) = (linear_basis(block, start, input) - still) * weights;
   }
   return responses;
-}
-
-Eigen::VectorXd least_squares(const Eigen::MatrixXd& columns, const Eigen::VectorXd& right) {
-  const Eigen::VectorXd scale = columns.colwise().norm().cwiseMax(1e-300).cwiseInverse();
-  return scale.cwiseProduct((columns * scale.asDiagonal()).completeOrthogonalDecomposition().solve(right));
 }
 
 }  // namespace
@@ -85,7 +82,7 @@ bool solve_linear(const MachineData& data, LinearMachine& machine) {
     columns.row(i).segment(terms + 1 + states * static_cast<Eigen::Index>(r), states) = free[r].row(at);
     right[i] = data.records[r].output[t];
   }
-  const Eigen::VectorXd solved = least_squares(columns, right);
+  const Eigen::VectorXd solved = scaled_least_squares(columns, right);
   if (!solved.allFinite()) return false;
   const Eigen::VectorXd numerator = solved.head(terms);
   const double offset = solved[terms] - numerator.dot(rest);
@@ -100,7 +97,7 @@ bool solve_linear(const MachineData& data, LinearMachine& machine) {
     const Eigen::VectorXd gap = Eigen::Map<const Eigen::VectorXd>(record.output.data(), bases[r].rows()) -
                                 bases[r] * numerator - Eigen::VectorXd::Constant(bases[r].rows(), offset);
     const std::vector<Eigen::Index> valid(record.valid.begin(), record.valid.end());
-    const Eigen::VectorXd start = least_squares(moved(valid, Eigen::all), gap(valid));
+    const Eigen::VectorXd start = scaled_least_squares(moved(valid, Eigen::all), gap(valid));
     machine.fit.starts.emplace_back(start.begin(), start.end());
   }
   return true;

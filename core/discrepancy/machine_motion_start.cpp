@@ -1,8 +1,9 @@
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 
 #include "core/discrepancy/machine_trials.h"
+#include "core/linear_algebra/solve.h"
 #include "core/model/machine.h"
 
 namespace valvetriage {
@@ -79,7 +80,7 @@ std::optional<MotionEquation> motion_equation(const MachineData& data, const Mot
   }
   const VectorXd scale = square.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
   const MatrixXd scaled = scale.asDiagonal() * square * scale.asDiagonal();
-  const VectorXd solved = scale.cwiseProduct(scaled.completeOrthogonalDecomposition().solve(scale.cwiseProduct(right)));
+  const VectorXd solved = scale.cwiseProduct(least_squares(scaled, scale.cwiseProduct(right)));
   if (!solved.allFinite()) return {};
   MotionEquation equation{.gain = solved[0], .damping = solved[1], .bias = solved[2]};
   Index at = 3;

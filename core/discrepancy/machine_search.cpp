@@ -1,6 +1,6 @@
 #include "core/discrepancy/machine_search.h"
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <numeric>
@@ -8,6 +8,7 @@
 
 #include "core/discrepancy/machine_linear.h"
 #include "core/identify/order.h"
+#include "core/linear_algebra/solve.h"
 #include "core/model/section_cascade.h"
 
 namespace valvetriage {
@@ -256,8 +257,7 @@ std::optional<LinearMachine> linear_core(const MachineFit& fit, const MachineDat
   const std::vector<double>& input = data.records.front().input;
   const auto run = run_machine(core, {}, {}, input);
   const Eigen::MatrixXd basis = linear_basis(block, {}, input);
-  const Eigen::VectorXd weights =
-      basis.colPivHouseholderQr().solve(Eigen::Map<const Eigen::VectorXd>(run.data(), basis.rows()));
+  const Eigen::VectorXd weights = least_squares(basis, Eigen::Map<const Eigen::VectorXd>(run.data(), basis.rows()));
   if (!weights.allFinite()) return {};
   block.numerator.assign(weights.begin(), weights.end());
   return machine;

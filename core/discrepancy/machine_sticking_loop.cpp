@@ -1,6 +1,6 @@
 #include "core/discrepancy/machine_sticking_loop.h"
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <complex>
@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "core/discrepancy/machine_search.h"
+#include "core/linear_algebra/solve.h"
 
 namespace valvetriage {
 namespace {
@@ -98,11 +99,11 @@ double range_of(const VectorXd& x) {
 /// Orthonormal columns that span a matrix, without what depends on the rest.
 MatrixXd basis_of(MatrixXd columns) {
   for (Index c = 0; c < columns.cols(); ++c) columns.col(c) /= std::max(columns.col(c).norm(), 1e-300);
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(columns.transpose() * columns);
-  const VectorXd& values = eigen.eigenvalues();
+  const SymmetricEigen eigen = symmetric_eigen(columns.transpose() * columns);
+  const VectorXd& values = eigen.values;
   const Index dropped = (values.array() <= kRankTolerance * values.maxCoeff()).count();
   const Index kept = values.size() - dropped;
-  return columns * (eigen.eigenvectors().rightCols(kept) * values.tail(kept).cwiseSqrt().cwiseInverse().asDiagonal());
+  return columns * (eigen.vectors.rightCols(kept) * values.tail(kept).cwiseSqrt().cwiseInverse().asDiagonal());
 }
 
 VectorXd left_of(const VectorXd& target, const MatrixXd& basis) {
@@ -191,7 +192,7 @@ class OneStep {
     own -= mixed.transpose() * past_inverse_ * mixed;
     with_target -= mixed.transpose() * past_weights_;
     own.diagonal().array() += kRankTolerance * static_cast<double>(n);
-    return left_by_past_.squaredNorm() - with_target.dot(own.ldlt().solve(with_target));
+    return left_by_past_.squaredNorm() - with_target.dot(solve_symmetric(own, with_target));
   }
 
   double log_ratio(const VectorXd& before, const VectorXd& after) const {
@@ -221,7 +222,7 @@ class OneStep {
   std::vector<double> step_answer(const VectorXd& signal, std::size_t samples) const {
     MatrixXd columns(target_.size(), 1 + lags_ + kInputLags);
     columns << VectorXd::Ones(target_.size()), lagged(output_, lags_), lagged(signal, kInputLags);
-    const VectorXd weights = columns.completeOrthogonalDecomposition().solve(target_);
+    const VectorXd weights = least_squares(columns, target_);
     std::vector<double> impulse(samples), step(samples);
     for (std::size_t t = 0; t < samples; ++t) {
       const auto at = static_cast<Index>(t);
@@ -253,7 +254,7 @@ class OneStep {
     }
     MatrixXd columns(target_.size(), 1 + lags_);
     columns << VectorXd::Ones(target_.size()), lagged(output_, lags_);
-    past_inverse_ = (columns.transpose() * columns).completeOrthogonalDecomposition().pseudoInverse();
+    past_inverse_ = pseudo_inverse(columns.transpose() * columns);
     past_weights_ = past_inverse_ * (columns.transpose() * target_);
     past_ = basis_of(std::move(columns));
     left_by_past_ = left_of(target_, past_);
@@ -319,7 +320,7 @@ Eigen::Vector3d controller_of(const OneStep& step) {
   const Index n = u.size() - 2;
   MatrixXd columns(n, 4);
   columns << y.tail(n), y.segment(1, n), y.head(n), VectorXd::Ones(n);
-  return columns.completeOrthogonalDecomposition().solve(VectorXd(u.tail(n) - u.segment(1, n))).head(3);
+  return least_squares(columns, u.tail(n) - u.segment(1, n)).head(3);
 }
 
 /// The output's strongest line [per sample], of three periods in the recording or more, under Hann's window.

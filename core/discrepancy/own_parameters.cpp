@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Eigenvalues>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "core/identify/valve_fit.h"
+#include "core/linear_algebra/solve.h"
 #include "core/statistics/distributions.h"
 
 namespace valvetriage {
@@ -27,9 +28,9 @@ constexpr double kWorthAFinding = 0.01;
 double independent_tests(const Eigen::MatrixXd& covariance) {
   const Eigen::VectorXd scale = covariance.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
   const Eigen::MatrixXd correlation = scale.asDiagonal() * covariance * scale.asDiagonal();
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(correlation, Eigen::EigenvaluesOnly);
+  const Eigen::VectorXd eigenvalues = symmetric_eigen(correlation).values.cwiseMax(0.0);
   double tests = 0;
-  for (const double eigenvalue : solver.eigenvalues().cwiseMax(0.0)) {
+  for (const double eigenvalue : eigenvalues) {
     tests += (eigenvalue >= 1 ? 1 : 0) + eigenvalue - std::floor(eigenvalue);
   }
   return std::max(tests, 1.0);

@@ -1,10 +1,11 @@
 #include "core/discrepancy/valve_explanation.h"
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <limits>
+
+#include "core/linear_algebra/solve.h"
 
 namespace valvetriage {
 namespace {
@@ -105,7 +106,7 @@ Uncertainty uncertainty_of(const Explanation& explanation) {
     }
   }
   problem.add_penalty(explanation.v, normal);
-  Uncertainty of{normal.a.ldlt().solve(MatrixXd::Identity(problem.size(), problem.size())), {}};
+  Uncertainty of{inverse_of_symmetric(normal.a), {}};
   of.pull.assign(static_cast<std::size_t>(problem.size()), 0);
   for (const VectorXd& score : scores) {
     const VectorXd moved = of.covariance * score;
@@ -146,15 +147,15 @@ std::vector<Model> Explanation::moved_models(double inflation) const {
       correlation(i, j) = of.covariance(a, b) / std::sqrt(of.covariance(a, a) * of.covariance(b, b));
     }
   }
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> axes(correlation);
+  const SymmetricEigen axes = symmetric_eigen(correlation);
   Explanation moved = copy();
   std::vector<Model> models;
   for (Index k = 0; k < n; ++k) {
-    if (axes.eigenvalues()(k) < kNegligible) continue;
+    if (axes.values(k) < kNegligible) continue;
     moved.v = v;
     for (Index i = 0; i < n; ++i) {
       const auto at = static_cast<std::size_t>(i);
-      moved.v(entries[at]) += deviations[at] * std::sqrt(axes.eigenvalues()(k)) * axes.eigenvectors()(i, k);
+      moved.v(entries[at]) += deviations[at] * std::sqrt(axes.values(k)) * axes.vectors(i, k);
     }
     moved.v = problem->clamped(std::move(moved.v));
     models.push_back(moved.model());

@@ -1,13 +1,15 @@
 #include "core/identify/asymptotic_bode.h"
 
 #include <fmt/format.h>
+#include <Eigen/Core>
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
 #include <numeric>
+
+#include "core/linear_algebra/solve.h"
 
 namespace valvetriage {
 namespace {
@@ -120,7 +122,7 @@ void minimise(Curve curve, const LogGain& data, State& state, int iterations) {
     for (int attempt = 0; attempt < 6 && !descended; ++attempt, damping *= 6) {
       Eigen::MatrixXd damped = normal;
       damped.diagonal().array() += damping * ridge * 1e-2 + damping * normal.diagonal().array();
-      const Eigen::VectorXd step = damped.ldlt().solve(gradient);
+      const Eigen::VectorXd step = solve_symmetric(damped, gradient);
       State next = state;
       for (std::size_t i = 0; i < next.breakpoints.size(); ++i) {
         const double move = std::clamp(step(static_cast<Index>(i)), -kLargestStep, kLargestStep);
@@ -245,8 +247,7 @@ AsymptoticFit describe(const FrequencyResponse& response, const LogGain& data, c
   Eigen::MatrixXd jacobian;
   residual(Curve::kExact, data, curve, e, &jacobian);
   const double freedoms = std::max<double>(1, static_cast<double>(data.x.size()) - fit.parameters);
-  const Eigen::MatrixXd covariance =
-      2 * fit.v / freedoms * (jacobian.transpose() * jacobian).completeOrthogonalDecomposition().pseudoInverse();
+  const Eigen::MatrixXd covariance = 2 * fit.v / freedoms * pseudo_inverse(jacobian.transpose() * jacobian);
   TransferFunction& g = fit.transfer_function;
   g.domain = Domain::kS;
   for (std::size_t i = 0; i < curve.breakpoints.size(); ++i) {

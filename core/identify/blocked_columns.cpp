@@ -68,11 +68,9 @@ MatrixXd BlockedColumns::gram(Index first, Index count) const {
 MatrixXd BlockedColumns::transposed_times(Index first, const MatrixXd& x) const {
   MatrixXd result = MatrixXd::Zero(cols(), x.cols());
   for (const Part& part : parts(first, x.rows())) {
-    for (Index k = 0; k < x.cols(); ++k) {
-      const auto segment = x.col(k).segment(part.first - first, part.count);
-      for (const Index j : there_[part.block]) {
-        result(j, k) += dense_.col(j).segment(part.first, part.count).dot(segment);
-      }
+    const auto there = x.middleRows(part.first - first, part.count);
+    for (const Index j : there_[part.block]) {
+      result.row(j).noalias() += dense_.col(j).segment(part.first, part.count).transpose() * there;
     }
   }
   return result;

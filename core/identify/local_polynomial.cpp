@@ -1,9 +1,10 @@
-#include <Eigen/Dense>
+#include <Eigen/QR>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <optional>
 
+#include "core/linear_algebra/solve.h"
 #include "core/statistics/distributions.h"
 
 #include "core/identify/response_spectra.h"
@@ -290,7 +291,7 @@ std::vector<ResponsePoint> thinned(std::vector<ResponsePoint> points, int points
       coherence += point.coherence / static_cast<double>(n);
       freedom += point.degrees_of_freedom;
     }
-    const Eigen::MatrixXd inverse = (columns.transpose() * columns).inverse();
+    const Eigen::MatrixXd inverse = inverse_of_symmetric(columns.transpose() * columns);
     const Eigen::VectorXcd theta = inverse * (columns.transpose() * values);
     const double misfit = (values - columns * theta).squaredNorm() / static_cast<double>(n - 3);
     for (const double x : {-kGaussNode, 0.0, kGaussNode}) {

@@ -1,13 +1,13 @@
 #include "core/identify/output_error_search.h"
 
-#include <Eigen/Cholesky>
-#include <Eigen/LU>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
 #include "core/identify/coloured_noise.h"
 #include "core/identify/triangular_factor.h"
+#include "core/linear_algebra/solve.h"
 
 namespace valvetriage {
 namespace {
@@ -85,7 +85,7 @@ VectorXd damped_step(const NormalEquations& equations, double damping) {
   scale = scale.cwiseMax(floor).cwiseSqrt();
   const MatrixXd scaled = scale.cwiseInverse().asDiagonal() * equations.information * scale.cwiseInverse().asDiagonal();
   const MatrixXd damped = scaled + damping * MatrixXd::Identity(scaled.rows(), scaled.cols());
-  return damped.ldlt().solve(equations.gradient.cwiseQuotient(scale)).cwiseQuotient(scale);
+  return solve_symmetric(damped, equations.gradient.cwiseQuotient(scale)).cwiseQuotient(scale);
 }
 
 struct Rational {
@@ -329,7 +329,7 @@ FitCandidate candidate_of(const OutputErrorProblem& problem, const RationalCoeff
   std::vector<double> padded = dynamics.b;
   padded.resize(static_cast<std::size_t>(order) + 1);
   const auto in_w = in_powers_of_difference(padded);
-  candidate.solution.shared = coordinates.fullPivLu().solve(Eigen::Map<const VectorXd>(in_w.data(), order + 1));
+  candidate.solution.shared = least_squares(coordinates, Eigen::Map<const VectorXd>(in_w.data(), order + 1));
   for (std::size_t r = 0; r < problem.recordings(); ++r) candidate.solution.local.emplace_back();
   for (std::size_t r = 0; r < problem.recordings(); ++r) {
     candidate.solution.squares +=

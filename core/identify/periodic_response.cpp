@@ -1,9 +1,10 @@
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <map>
 
 #include "core/identify/response_spectra.h"
+#include "core/linear_algebra/solve.h"
 
 namespace valvetriage {
 namespace {
@@ -42,7 +43,7 @@ Background background_at(const std::vector<Complex>& output, std::size_t line, s
     values(i) = output[lines[static_cast<std::size_t>(i)]];
   }
   if (n < 5) return {};
-  const Eigen::MatrixXd inverse = (columns.transpose() * columns).inverse();
+  const Eigen::MatrixXd inverse = inverse_of_symmetric(columns.transpose() * columns);
   const Eigen::VectorXcd theta = inverse * (columns.transpose() * values);
   Background background;
   background.transient = theta(0);

@@ -1,8 +1,8 @@
 #include "core/identify/rational_fit.h"
 
 #include <fmt/format.h>
+#include <Eigen/Core>
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -11,6 +11,7 @@
 #include <numbers>
 #include <numeric>
 
+#include "core/linear_algebra/solve.h"
 #include "core/model/polynomial.h"
 
 namespace valvetriage {
@@ -130,9 +131,7 @@ class Problem {
     for (Index j = 0; j < basis_.cols(); ++j) set_real_rows(carrier * basis_.col(j), rows.col(j));
     Eigen::VectorXd right(2 * points());
     right << weight_ * target_.real(), weight_ * target_.imag();
-    const Eigen::RowVectorXd norms = rows.colwise().norm().cwiseMax(1e-300);
-    const Eigen::MatrixXd scaled = rows * norms.cwiseInverse().asDiagonal();
-    c.numerator = scaled.colPivHouseholderQr().solve(right).cwiseQuotient(norms.transpose());
+    c.numerator = scaled_least_squares(rows, right);
     c.cost = (right - rows * c.numerator).squaredNorm();
   }
 
@@ -302,7 +301,7 @@ void refine(const Problem& problem, Candidate& c, int iterations) {
     for (int attempt = 0; attempt < 8 && !descended; ++attempt) {
       Eigen::MatrixXd damped = normal;
       damped.diagonal().array() += damping;
-      const Eigen::VectorXd step = damped.ldlt().solve(gradient).cwiseQuotient(norms);
+      const Eigen::VectorXd step = solve_symmetric(damped, gradient).cwiseQuotient(norms);
       Candidate next = problem.moved(c, step);
       Eigen::VectorXd next_e;
       next.cost = problem.residual(next, next_e, nullptr);
@@ -552,7 +551,7 @@ Candidate best_of(const Problem& problem, std::vector<Candidate> starts, const R
 Eigen::MatrixXd covariance_of(const Eigen::MatrixXd& jacobian, double misfit_per_freedom) {
   const Eigen::VectorXd norms = jacobian.colwise().norm().cwiseMax(1e-300);
   const Eigen::MatrixXd scaled = jacobian * norms.cwiseInverse().asDiagonal();
-  const Eigen::MatrixXd inverse = (scaled.transpose() * scaled).completeOrthogonalDecomposition().pseudoInverse();
+  const Eigen::MatrixXd inverse = pseudo_inverse(scaled.transpose() * scaled);
   const Eigen::VectorXd back = norms.cwiseInverse();
   return std::max(1.0, misfit_per_freedom) * (back.asDiagonal() * inverse * back.asDiagonal());
 }

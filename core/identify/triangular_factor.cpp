@@ -1,10 +1,11 @@
 #include "core/identify/triangular_factor.h"
 
 #include <Eigen/QR>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <utility>
+
+#include "core/linear_algebra/solve.h"
 
 namespace valvetriage {
 namespace {
@@ -56,12 +57,10 @@ Eigen::VectorXd solve_least_squares(const Eigen::MatrixXd& R, const Eigen::Vecto
 
 Eigen::MatrixXd inverse_information(const Eigen::MatrixXd& R) {
   const Eigen::VectorXd scale = column_scale(R);
-  const Eigen::MatrixXd scaled = R * scale.cwiseInverse().asDiagonal();
-  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(scaled, Eigen::ComputeFullV);
-  const Eigen::VectorXd values = svd.singularValues();
+  const auto [values, vectors] = right_singular(R * scale.cwiseInverse().asDiagonal());
   const double least = std::max(values.size() > 0 ? values[0] * kDependent : 0.0, 1e-300);
   const Eigen::MatrixXd half =
-      scale.cwiseInverse().asDiagonal() * svd.matrixV() * values.cwiseMax(least).cwiseInverse().asDiagonal();
+      scale.cwiseInverse().asDiagonal() * vectors * values.cwiseMax(least).cwiseInverse().asDiagonal();
   return half * half.transpose();
 }
 

@@ -1,13 +1,14 @@
 #include "core/identify/valve_fit.h"
 
 #include <fmt/format.h>
+#include <Eigen/Core>
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
 #include "core/identify/valve_fit_problem.h"
+#include "core/linear_algebra/solve.h"
 #include "core/residual/fit_figures.h"
 
 namespace valvetriage {
@@ -74,7 +75,7 @@ Result<void> require_valve(std::span<const Recording> recordings, const ValveFit
 /// again with that held there. Clamping alone would leave the rest at the step that goes with a move nobody made.
 VectorXd stepped_inside(const ValveFitProblem& problem, const VectorXd& v, const MatrixXd& a, const VectorXd& b) {
   constexpr int kMostPasses = 4;
-  VectorXd there = v + a.ldlt().solve(b);
+  VectorXd there = v + solve_symmetric(a, b);
   std::vector<Index> held;
   for (int pass = 0; pass < kMostPasses; ++pass) {
     const VectorXd inside = problem.clamped(there);
@@ -92,7 +93,7 @@ VectorXd stepped_inside(const ValveFitProblem& problem, const VectorXd& v, const
       reduced(j, j) = 1;
       wanted(j) = inside(j) - v(j);
     }
-    there = v + reduced.ldlt().solve(wanted);
+    there = v + solve_symmetric(reduced, wanted);
     for (const Index j : held) there(j) = inside(j);
   }
   return problem.clamped(there);
@@ -218,7 +219,7 @@ Result<ValveFit> fit_valve(std::span<const Recording> recordings, const ValveFit
   ValveFit fit;
   fit.termination = best.termination;
   fit.iterations = best.iterations;
-  const MatrixXd inverse = problem.linearise(best.v).a.ldlt().solve(MatrixXd::Identity(problem.size(), problem.size()));
+  const MatrixXd inverse = inverse_of_symmetric(problem.linearise(best.v).a);
   fit.covariance = inverse.topLeftCorner(problem.baseline_size(), problem.baseline_size());
   fit.vector = best.v;
   best.v.segment(ValveFitProblem::kParameters, problem.knots()) = problem.rising_map(best.v);

@@ -1,12 +1,13 @@
 #include "core/identify/valve_fit_problem.h"
 
-#include <Eigen/Cholesky>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numeric>
 #include <span>
 
+#include "core/linear_algebra/solve.h"
 #include "core/mechanisms/simulate_extended.h"
 #include "core/model/gauge.h"
 #include "core/residual/noise_floor.h"
@@ -129,7 +130,7 @@ void ValveFitProblem::set_preferences() {
   pressure_start_sd_psi_ = kPressureStartSd * options_.reference_psi;
   if (options_.prior) {
     mean_ = options_.prior->mean;
-    precision_ = options_.prior->covariance.ldlt().solve(MatrixXd::Identity(baseline_size(), baseline_size()));
+    precision_ = inverse_of_symmetric(options_.prior->covariance);
     return;
   }
   mean_ = VectorXd::Zero(baseline_size());
@@ -197,7 +198,7 @@ VectorXd ValveFitProblem::start_vector(const ValveParameters& parameters) const 
     a(knot, knot) += 1;
     b(knot) += output;
   });
-  v.segment(kParameters, knots_) = a.ldlt().solve(b);
+  v.segment(kParameters, knots_) = solve_symmetric(a, b);
   v.segment(kParameters, knots_) = rising_map(v);
   return clamped(v);
 }

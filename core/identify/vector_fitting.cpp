@@ -1,9 +1,11 @@
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
 #include "core/identify/rational_fit.h"
+
+#include "core/linear_algebra/solve.h"
 
 namespace valvetriage {
 namespace {
@@ -59,7 +61,7 @@ std::vector<Complex> zeros_of_sigma(const std::vector<Complex>& poles, const Eig
     b(i + 1) = 0;
     ++i;
   }
-  const Eigen::VectorXcd values = (a - b * c.transpose() / d).eigenvalues();
+  const Eigen::VectorXcd values = eigenvalues(a - b * c.transpose() / d);
   std::vector<Complex> zeros;
   for (const Complex z : values) {
     // The eigenvalues of a real matrix come in exact pairs; one of each stands for both.
@@ -109,9 +111,7 @@ std::vector<Complex> vector_fitting_poles(std::span<const ResponsePoint> points,
     const double strength = std::sqrt(weight_norm) / static_cast<double>(n);
     rows.row(2 * n) = strength * relaxation;
     right(2 * n) = strength * static_cast<double>(n);
-    const Eigen::RowVectorXd norms = rows.colwise().norm().cwiseMax(1e-300);
-    const Eigen::MatrixXd scaled = rows * norms.cwiseInverse().asDiagonal();
-    const Eigen::VectorXd x = scaled.colPivHouseholderQr().solve(right).cwiseQuotient(norms.transpose());
+    const Eigen::VectorXd x = scaled_least_squares(rows, right);
     double d = x(unknowns - 1);
     if (std::abs(d) < 1e-8) d = d < 0 ? -1e-8 : 1e-8;
     const auto c = x.segment(order + direct, order);

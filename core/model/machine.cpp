@@ -1,11 +1,13 @@
 #include "core/model/machine.h"
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
+
+#include "core/linear_algebra/solve.h"
 
 namespace valvetriage {
 namespace {
@@ -458,9 +460,7 @@ std::vector<double> start_towards(const Machine& machine, const MachineSurroundi
       columns.col(static_cast<Index>(j)) = (gap - gap_of(moved)) / kProbe;
     }
     if (!columns.allFinite() || !gap.allFinite()) return start;
-    const Eigen::VectorXd scale = columns.colwise().norm().cwiseMax(std::numeric_limits<double>::min());
-    const Eigen::MatrixXd scaled = columns * scale.cwiseInverse().asDiagonal();
-    const Eigen::VectorXd move = scaled.completeOrthogonalDecomposition().solve(gap).cwiseQuotient(scale);
+    const Eigen::VectorXd move = scaled_least_squares(columns, gap);
     bool lower = false;
     for (double length = 1; length > 0.05 && !lower; length /= 2) {
       std::vector<double> trial = start;

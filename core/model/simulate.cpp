@@ -1,11 +1,12 @@
 #include <fmt/format.h>
+#include <Eigen/Core>
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <complex>
 #include <limits>
 
+#include "core/linear_algebra/solve.h"
 #include "core/model/free_run.h"
 #include "core/model/linear_filter.h"
 #include "core/model/model.h"
@@ -123,9 +124,9 @@ class FreeRun {
     for (int step = 0; step < kMostSteps; ++step) {
       const Eigen::MatrixXd columns = effects(start, measured, response);
       // States differ by powers of the sampling rate: compare their effects on the output, not their numbers.
+      if (!is_bent()) return moved(start, scaled_least_squares(columns, gap));
       const Eigen::VectorXd scale = columns.colwise().norm().cwiseMax(std::numeric_limits<double>::min());
       const Eigen::MatrixXd scaled = columns * scale.cwiseInverse().asDiagonal();
-      if (!is_bent()) return moved(start, scaled.completeOrthogonalDecomposition().solve(gap).cwiseQuotient(scale));
       const double before = gap.squaredNorm();
       double gained = 0;
       for (; damping < 1e6; damping *= 10) {
@@ -195,7 +196,7 @@ class FreeRun {
     while (true) {
       const Eigen::MatrixXd damped = free.transpose() * free + damping * Eigen::MatrixXd::Identity(unknowns, unknowns);
       const Eigen::VectorXd left = gap - scaled * stopped.cwiseProduct(scale);
-      const Eigen::VectorXd by = stopped + damped.ldlt().solve(free.transpose() * left).cwiseQuotient(scale);
+      const Eigen::VectorXd by = stopped + solve_symmetric(damped, free.transpose() * left).cwiseQuotient(scale);
       bool passes = false;
       for (Index j = first_memory; j < unknowns; ++j) {
         const double memory = memories[static_cast<std::size_t>(j - first_memory)];

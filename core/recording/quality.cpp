@@ -2,12 +2,13 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <optional>
 #include <vector>
 
+#include "core/linear_algebra/solve.h"
 #include "core/recording/segments.h"
 
 namespace valvetriage {
@@ -335,7 +336,7 @@ double explained(const Gram& gram, int first, int count) {
   Eigen::MatrixXd normal = gram.block(first, first, count, count);
   const Eigen::VectorXd right = gram.block(first, kRegressors, count, 1);
   normal.diagonal() *= 1 + 1e-10;
-  const Eigen::VectorXd weights = normal.ldlt().solve(right);
+  const Eigen::VectorXd weights = solve_symmetric(normal, right);
   const double share = right.dot(weights) / total;
   return std::isfinite(share) ? share : 0;
 }

@@ -1,11 +1,13 @@
 #include "core/residual/noise_floor.h"
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <boost/math/statistics/univariate_statistics.hpp>
 #include <cmath>
 #include <limits>
 #include <vector>
+
+#include "core/linear_algebra/solve.h"
 
 namespace valvetriage {
 namespace {
@@ -110,7 +112,7 @@ double from_prediction(const Recording& recording) {
   // Schur complement of the target: its squares less what the regressors explain.
   const Eigen::MatrixXd a = products.topLeftCorner<kRegressors, kRegressors>().selfadjointView<Eigen::Lower>();
   const Eigen::VectorXd b = products.bottomLeftCorner<1, kRegressors>().transpose();
-  const double left = products(kRegressors, kRegressors) - b.dot(a.completeOrthogonalDecomposition().solve(b));
+  const double left = products(kRegressors, kRegressors) - b.dot(least_squares(a, b));
   return std::sqrt(std::max(0.0, left) / (count - kRegressors));
 }
 

@@ -1,8 +1,10 @@
 #include "core/classify/rivals/anfis.h"
 
-#include <Eigen/Cholesky>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
+
+#include "core/linear_algebra/solve.h"
 
 namespace valvetriage {
 namespace {
@@ -63,7 +65,7 @@ void fit_consequents(SugenoSystem& system, const Eigen::MatrixXd& x, const Eigen
   }
   Eigen::MatrixXd normal = design.transpose() * design;
   normal.diagonal().array() += ridge * double(x.rows());
-  const Eigen::VectorXd solution = normal.ldlt().solve(design.transpose() * target);
+  const Eigen::VectorXd solution = solve_symmetric(normal, design.transpose() * target);
   for (Eigen::Index r = 0; r < system.centres.rows(); ++r) {
     system.consequents.row(r) = solution.segment(r * width, width).transpose();
   }

@@ -1,20 +1,22 @@
 #include "core/classify/rivals/pc_knn.h"
 
-#include <Eigen/SVD>
+#include <Eigen/Core>
 #include <algorithm>
 #include <numeric>
+
+#include "core/linear_algebra/solve.h"
 
 namespace valvetriage {
 namespace {
 
 /// Directions (p × q) that carry the share of the variance.
 Eigen::MatrixXd leading_components(const Eigen::MatrixXd& standardised, double share) {
-  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(standardised, Eigen::ComputeThinV);
-  const Eigen::VectorXd variance = svd.singularValues().cwiseAbs2();
+  const RightSingular svd = right_singular(standardised);
+  const Eigen::VectorXd variance = svd.values.cwiseAbs2();
   double carried = 0;
   Eigen::Index count = 0;
   while (count < variance.size() && carried < share * variance.sum()) carried += variance(count++);
-  return svd.matrixV().leftCols(std::max<Eigen::Index>(count, 1));
+  return svd.vectors.leftCols(std::max<Eigen::Index>(count, 1));
 }
 
 }  // namespace

@@ -1,7 +1,9 @@
 #include "core/classify/rivals/self_organising_map.h"
 
-#include <Eigen/SVD>
+#include <Eigen/Core>
 #include <cmath>
+
+#include "core/linear_algebra/solve.h"
 
 namespace valvetriage {
 namespace {
@@ -17,14 +19,14 @@ Eigen::MatrixXd node_positions(int side) {
 
 /// Weights on the plane of the two leading components, two standard deviations to either side.
 Eigen::MatrixXd plane_weights(const Eigen::MatrixXd& x, const Eigen::MatrixXd& positions, int side) {
-  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(x, Eigen::ComputeThinV);
+  const RightSingular svd = right_singular(x);
   const double half = std::max(0.5, (side - 1) / 2.0);
   Eigen::MatrixXd weights = Eigen::MatrixXd::Zero(positions.rows(), x.cols());
-  const Eigen::Index axes = std::min<Eigen::Index>(2, svd.singularValues().size());
+  const Eigen::Index axes = std::min<Eigen::Index>(2, svd.values.size());
   for (Eigen::Index axis = 0; axis < axes; ++axis) {
-    const double sd = svd.singularValues()(axis) / std::sqrt(double(x.rows()));
+    const double sd = svd.values(axis) / std::sqrt(double(x.rows()));
     const Eigen::VectorXd along = (positions.col(axis).array() - (side - 1) / 2.0) / half * 2 * sd;
-    weights += along * svd.matrixV().col(axis).transpose();
+    weights += along * svd.vectors.col(axis).transpose();
   }
   return weights;
 }
