@@ -19,6 +19,11 @@ constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 constexpr Index kGroupBlock = 16;
 constexpr int kFewestBlocks = 12;
 constexpr const char* kAtRest = "at rest";
+// A stretch of a free run within this share of the range is a rest: what it settles by there is less than noise.
+constexpr double kRestRange = 0.002;
+constexpr double kShortestRest_s = 0.5;
+constexpr std::size_t kFewestAtRest = 64;
+constexpr int kFewestRests = 8;
 
 /// Whether a group is slower than good valves', its logarithm as a normal deviate. `own`: standard error of that.
 Unusual in_its_logarithm(double log_ratio, double own, int blocks, const LeftoverOnGoodValves& good, int valves) {
@@ -36,6 +41,62 @@ double p_value_of_amplitude(double log_ratio, double own, const LeftoverOnGoodVa
   const double usual = std::max(0.0, std::expm1(good.mean));
   const double error = own / std::sqrt(static_cast<double>(valves));
   return square_p_value(slow / (usual + error), usual, std::exp(good.mean) * good.sd, valves);
+}
+
+/// Mean squares over rests, in noise variances.
+struct RestLevels {
+  double between = 0;  ///< of a rest's mean residual
+  double within = 0;   ///< of half the difference between its halves: all that slow noise leaves in a mean as well
+  double fast = 0;     ///< of the noise from sample to sample: 1, less where a coarse reading hides it
+  int rests = 0;
+};
+
+void add_rest(const Eigen::Ref<const Eigen::VectorXd>& error, RestLevels& levels) {
+  const Index half = error.size() / 2;
+  const double first = error.head(half).mean(), second = error.tail(half).mean();
+  levels.between += 0.25 * (first + second) * (first + second);
+  levels.within += 0.25 * (first - second) * (first - second);
+  levels.fast += 0.5 * (error.tail(error.size() - 1) - error.head(error.size() - 1)).squaredNorm() /
+                 static_cast<double>(error.size() - 1);
+  ++levels.rests;
+}
+
+RestLevels rest_levels(const LinearisedValve& fit, double output_range) {
+  RestLevels levels;
+  for (std::size_t r = 0; r < fit.error().size(); ++r) {
+    const auto& sample = fit.rows()[r].sample;
+    const std::vector<double>& output = fit.run(r).output;
+    const double per_s = 1 / fit.problem().recording(r).sample_period_s;
+    const auto shortest = std::max(kFewestAtRest, static_cast<std::size_t>(kShortestRest_s * per_s));
+    std::size_t first = 0;
+    double least = 0, most = 0;
+    for (std::size_t i = 0; i <= sample.size(); ++i) {
+      if (i < sample.size() && i > first) {
+        least = std::min(least, output[sample[i]]);
+        most = std::max(most, output[sample[i]]);
+        if (most - least < kRestRange * output_range) continue;
+      }
+      if (i - first >= shortest) {
+        add_rest(fit.error()[r].segment(static_cast<Index>(first), static_cast<Index>(i - first)), levels);
+      }
+      first = i;
+      if (i < sample.size()) least = most = output[sample[i]];
+    }
+  }
+  for (double* mean : {&levels.between, &levels.within, &levels.fast}) *mean /= std::max(levels.rests, 1);
+  return levels;
+}
+
+/// How much more rests differ from each other than slow noise, or the steps of a coarse reading, would make them.
+LeftoverGroup of_rests(const LinearisedValve& fit, double output_range) {
+  const RestLevels levels = rest_levels(fit, output_range);
+  LeftoverGroup group{.group = "from rest to rest", .log_ratio = kUnknown, .blocks = levels.rests};
+  if (levels.rests < kFewestRests) return group;
+  group.mean_square = levels.between;
+  group.log_ratio =
+      std::log(std::max(levels.between, 1e-12) / (levels.within + std::max(1.0 / kGroupBlock, 1 - levels.fast)));
+  group.own_log_ratio = group.log_ratio;
+  return group;
 }
 
 }  // namespace
@@ -85,6 +146,7 @@ std::vector<LeftoverGroup> leftover_groups(const LinearisedValve& fit, double ou
     group.own_log_ratio = group.log_ratio;
     group.log_ratio -= base;
   }
+  groups.push_back(of_rests(fit, output_range));
   return groups;
 }
 

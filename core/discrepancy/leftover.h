@@ -15,6 +15,9 @@ namespace valvetriage {
 /// Values: ln(mean square of block means over what the same samples' own fast noise would give), less the same of the
 /// group at rest at the lowest level. Noise that is coloured everywhere, louder where the output moves (a jittering
 /// clock) or coarse takes no part in it; what depends on the input does. NaN for a group with too few blocks.
+///
+/// The last group holds rest against rest: ln(mean square of a rest's mean over what slow noise, which moves within a
+/// rest too, makes of it). A reading that sticks holds another level at every rest; its blocks are the rests.
 struct LeftoverGroup {
   std::string group;
   double log_ratio = 0;

@@ -308,6 +308,41 @@ TEST(ValveDiagnosis, AReadingThatHoldsAnotherLevelAtEveryRestIsNoSlowNoise) {
   EXPECT_EQ(with_slow(6 * kNoise_psi, true), Conclusion::kUnexplained);
 }
 
+TEST(ValveDiagnosis, AReadingThatHoldsAnotherLevelAtEachRestIsNotNothing) {
+  const test::MadeValve valve;
+  const auto healthy = test::session(valve, kNoise_psi, 5);
+  const Population population(healthy, valve);
+  const std::vector<LeftoverOnGoodValves> leftovers{{"from rest to rest", -2.1, 0.3}};
+  const auto conclusion = [&](const std::vector<Recording>& recordings) {
+    const auto fit = fit_valve(recordings, population.options);
+    return diagnose_valve(
+               recordings, *fit,
+               {.fit = population.options, .good_valves = 8, .causes = population.causes, .leftovers = leftovers})
+        .discrepancy.conclusion;
+  };
+  std::mt19937_64 random(8);
+  std::normal_distribution<double> normal;
+  // A gauge that comes free where the input moves, and one whose noise forgets within a second.
+  auto sticks = healthy, wanders = healthy, coarse = healthy;
+  for (std::size_t r = 0; r < healthy.size(); ++r) {
+    double held = 0, slow = normal(random);
+    for (std::size_t i = 0; i < healthy[r].samples(); ++i) {
+      const bool moves = i == 0 || healthy[r].input.values[i] != healthy[r].input.values[i - 1];
+      if (moves) held = normal(random);
+      slow = 0.98 * slow + std::sqrt(1 - 0.98 * 0.98) * normal(random);
+      sticks[r].output.values[i] += 2 * kNoise_psi * held;
+      wanders[r].output.values[i] += 1.5 * kNoise_psi * slow;
+      // Five times as coarse as the noise.
+      const double step = 5 * kNoise_psi;
+      coarse[r].output.values[i] = step * std::round(healthy[r].output.values[i] / step);
+    }
+  }
+  EXPECT_EQ(conclusion(healthy), Conclusion::kNone);
+  EXPECT_EQ(conclusion(sticks), Conclusion::kUnexplained);
+  EXPECT_EQ(conclusion(wanders), Conclusion::kNone);
+  EXPECT_EQ(conclusion(coarse), Conclusion::kNone);
+}
+
 TEST(ValveDiagnosis, ALawThatAccountsForWhatNoGoodValveLeavesNeedNotStandOutOnceMore) {
   const test::MadeValve valve;
   const auto healthy = test::session(valve, kNoise_psi, 5);
