@@ -1,4 +1,5 @@
 #include "core/discrepancy/valve_conclusion.h"
+#include "core/discrepancy/unnamed_account.h"
 
 #include <fmt/format.h>
 
@@ -514,7 +515,8 @@ std::vector<Candidate> together_of(const std::vector<WonPlace>& places, const Di
 }
 
 std::vector<Candidate> candidates_of(const Grounds& grounds, const Discrepancy& discrepancy, const Leftover& leftover,
-                                     const LinearisedValve& linear, bool is_taken_up) {
+                                     const LinearisedValve& linear, bool is_taken_up,
+                                     std::span<const Finding> unnamed) {
   const SearchedValve& searched = grounds.searched;
   const bool is_none = discrepancy.conclusion == Conclusion::kNone;
   const bool is_unknown = discrepancy.conclusion == Conclusion::kUnexplained;
@@ -574,9 +576,10 @@ std::vector<Candidate> candidates_of(const Grounds& grounds, const Discrepancy& 
   candidates.push_back({.cause = "unknown",
                         .probability = is_unknown ? 1.0 : 0.0,
                         .rmse_heldout = discrepancy.gain.rmse_black_box,
-                        .reason = is_taken_up
-                                      ? "the valve's own parameters are no good valve's"
-                                      : fmt::format("what is left has p {:.2g} in a good valve", leftover.p_value)});
+                        .reason = is_taken_up ? "the valve's own parameters are no good valve's"
+                                  : unnamed.empty()
+                                      ? fmt::format("what is left has p {:.2g} in a good valve", leftover.p_value)
+                                      : unnamed.front().what});
   for (const Candidate& candidate : searched.first.survey.untestable) candidates.push_back(candidate);
   return candidates;
 }
@@ -616,6 +619,20 @@ bool is_explained(const Grounds& grounds, const LinearisedValve& linear, const L
   return !is_left || (!explanation.laws.empty() && remains < kMostLeft * there && is_borne_out(heldout.gain));
 }
 
+/// Better accounts than the laws', of what no cause stands for.
+std::vector<Finding> unnamed_accounts(const Grounds& grounds, const LinearisedValve& linear) {
+  const Explanation& explanation = grounds.explanation();
+  std::vector<Finding> accounts;
+  for (std::size_t l = 0; l < explanation.laws.size(); ++l) {
+    const Explanation others =
+        explanation.laws.size() == 1 ? grounds.searched.baseline.copy() : without(explanation, l, kRefitSteps);
+    if (auto better = unnamed_account(explanation, linear, l, others, grounds.inflation)) {
+      accounts.push_back(std::move(*better));
+    }
+  }
+  return accounts;
+}
+
 ValveDiagnosis conclude_search(const SearchedValve& searched, const ValveDiagnosisOptions& options) {
   const Explanation& explanation = searched.explanation;
   const double inflation = noise_inflation(whitened_residual(explanation));
@@ -636,7 +653,8 @@ ValveDiagnosis conclude_search(const SearchedValve& searched, const ValveDiagnos
   const OwnParameters own =
       explanation.laws.empty() ? own_parameters_of(explanation.v, linear.errors(inflation), options) : OwnParameters{};
   const bool is_taken_up = kTestsOfNoName * own.p_value < kFalseAlarm;
-  const bool explained = !is_taken_up && is_explained(grounds, linear, leftover, findings, heldout);
+  const std::vector<Finding> unnamed = unnamed_accounts(grounds, linear);
+  const bool explained = !is_taken_up && unnamed.empty() && is_explained(grounds, linear, leftover, findings, heldout);
   for (std::size_t l = 0; l < explanation.laws.size(); ++l) {
     discrepancy.causes.push_back(named_cause(grounds, l, explained));
   }
@@ -651,8 +669,9 @@ ValveDiagnosis conclude_search(const SearchedValve& searched, const ValveDiagnos
   discrepancy.findings = std::move(findings);
   discrepancy.findings.insert(discrepancy.findings.end(), leftover.findings.begin(), leftover.findings.end());
   discrepancy.findings.insert(discrepancy.findings.end(), own.findings.begin(), own.findings.end());
+  discrepancy.findings.insert(discrepancy.findings.end(), unnamed.begin(), unnamed.end());
   measure_each(searched, discrepancy);
-  discrepancy.candidates = candidates_of(grounds, discrepancy, leftover, linear, is_taken_up);
+  discrepancy.candidates = candidates_of(grounds, discrepancy, leftover, linear, is_taken_up, unnamed);
   discrepancy.next_test = next_test(grounds, discrepancy.causes, leftover.p_value > kUsualLeftover);
 
   diagnosis.extended_model = grounds.extended;

@@ -871,6 +871,19 @@ TEST(ValveDiagnosis, AFaultThatTheFitHasTakenUpIsNotNothing) {
   for (const Candidate& candidate : found.candidates) EXPECT_TRUE(candidate.upper_limit95.empty()) << candidate.cause;
 }
 
+TEST(ValveDiagnosis, MoreAirInTheFluidIsNoCauseThatLooksLikeIt) {
+  // Slow where the pressure is low, which it is at the end of every fall: much like a fall slower than a rise.
+  const test::MadeValve valve;
+  test::MadeValve airy = valve;
+  airy.parameters.volume.air_share = 0.03;
+  const auto recordings = test::session(airy, kNoise_psi, 5);
+  const Discrepancy found = diagnosed(recordings, Population(recordings, valve)).discrepancy;
+  EXPECT_EQ(found.conclusion, Conclusion::kUnexplained);
+  EXPECT_TRUE(std::any_of(found.findings.begin(), found.findings.end(), [](const Finding& finding) {
+    return finding.what.starts_with("air in the fluid above good valves' explains more than");
+  }));
+}
+
 /// Good valves' mean, with one entry so many of their standard deviations off.
 OwnParameters own_with(Eigen::Index entry, double deviations) {
   const test::MadeValve valve;
