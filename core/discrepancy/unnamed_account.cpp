@@ -60,6 +60,15 @@ std::vector<Account> accounts() {
   return accounts;
 }
 
+/// What an explanation simulates that a fit does not, whitened.
+Stack difference_of(const Explanation& explanation, const LinearisedValve& fit) {
+  Stack difference;
+  for (std::size_t r = 0; r < explanation.problem->recordings(); ++r) {
+    difference.push_back(fit.whitened(r, explanation.problem->simulate(explanation.v, r)));
+  }
+  return difference;
+}
+
 /// Whitened, per probe.
 Stack effect_of(const Account& account, const Explanation& of, const LinearisedValve& linear) {
   const double probe = account.probe(*of.options->prior);
@@ -118,13 +127,7 @@ std::optional<Finding> unnamed_account(const Explanation& explanation, const Lin
                                        const Explanation& others, double inflation) {
   if (!others.options->prior) return {};
   const LinearisedValve alone(*others.problem, others.v);
-  const Stack effect_of_law = [&] {
-    Stack effect;
-    for (std::size_t r = 0; r < others.problem->recordings(); ++r) {
-      effect.push_back(alone.whitened(r, explanation.problem->simulate(explanation.v, r)));
-    }
-    return effect;
-  }();
+  const Stack effect_of_law = difference_of(explanation, alone);
   const double least = kLeastEvidence * inflation;
   const double of_law = evidence_of(alone, alone.signature(effect_of_law));
   std::optional<Finding> best;
