@@ -672,7 +672,10 @@ ValveDiagnosis conclude_search(const SearchedValve& searched, const ValveDiagnos
   discrepancy.findings.insert(discrepancy.findings.end(), unnamed.begin(), unnamed.end());
   measure_each(searched, discrepancy);
   discrepancy.candidates = candidates_of(grounds, discrepancy, leftover, linear, is_taken_up, unnamed);
-  discrepancy.next_test = next_test(grounds, discrepancy.causes, leftover.p_value > kUsualLeftover);
+  // No test tells apart causes of which none is the answer.
+  if (unnamed.empty()) {
+    discrepancy.next_test = next_test(grounds, discrepancy.causes, leftover.p_value > kUsualLeftover);
+  }
 
   diagnosis.extended_model = grounds.extended;
   const Explanation shown = as_shown(explanation);

@@ -882,6 +882,7 @@ TEST(ValveDiagnosis, MoreAirInTheFluidIsNoCauseThatLooksLikeIt) {
   EXPECT_TRUE(std::any_of(found.findings.begin(), found.findings.end(), [](const Finding& finding) {
     return finding.what.starts_with("air in the fluid above good valves' explains more than");
   }));
+  EXPECT_FALSE(found.next_test);
 }
 
 /// Good valves' mean, with one entry so many of their standard deviations off.

@@ -145,6 +145,16 @@ TEST(Sentence, OfAFaultThatTheFitTakesUpSaysWhichParameterIsOdd) {
   EXPECT_NE(summary.discrepancy.find("do not read a cause into this"), std::string::npos);
 }
 
+TEST(Sentence, OfANameThatABetterAccountTookTellsTheAccount) {
+  Analysis analysis = with(Conclusion::kUnexplained, {sticking()});
+  analysis.discrepancy->findings.push_back({.what = "air in the fluid above good valves' explains more than friction",
+                                            .where = std::string(kOwnParameters)});
+  EXPECT_EQ(summarise(analysis).discrepancy,
+            "Something is wrong that no known cause explains: air in the fluid above good valves' explains more than "
+            "friction. It is not known why; do not read a cause into this result. What comes closest is listed, and is "
+            "not the answer.");
+}
+
 TEST(Sentence, OfRecordingsThatNoValveMakesSaysWhatToCheck) {
   Analysis analysis = with(Conclusion::kUnexplained);
   analysis.discrepancy->findings.push_back(
