@@ -43,6 +43,12 @@ double p_value_of_amplitude(double log_ratio, double own, const LeftoverOnGoodVa
   return square_p_value(slow / (usual + error), usual, std::exp(good.mean) * good.sd, valves);
 }
 
+/// Variance of the noise from sample to sample.
+double fast_variance(const Eigen::Ref<const Eigen::VectorXd>& error) {
+  const Index steps = error.size() - 1;
+  return 0.5 * (error.tail(steps) - error.head(steps)).squaredNorm() / static_cast<double>(steps);
+}
+
 /// Mean squares over rests, in noise variances.
 struct RestLevels {
   double between = 0;  ///< of a rest's mean residual
@@ -56,8 +62,7 @@ void add_rest(const Eigen::Ref<const Eigen::VectorXd>& error, RestLevels& levels
   const double first = error.head(half).mean(), second = error.tail(half).mean();
   levels.between += 0.25 * (first + second) * (first + second);
   levels.within += 0.25 * (first - second) * (first - second);
-  levels.fast += 0.5 * (error.tail(error.size() - 1) - error.head(error.size() - 1)).squaredNorm() /
-                 static_cast<double>(error.size() - 1);
+  levels.fast += fast_variance(error);
   ++levels.rests;
 }
 
@@ -127,8 +132,7 @@ std::vector<LeftoverGroup> leftover_groups(const LinearisedValve& fit, double ou
       const auto block = fit.error()[r].segment(first, kGroupBlock);
       const double mean = block.mean();
       squares[group] += mean * mean * static_cast<double>(kGroupBlock);
-      fast[group] += 0.5 * (block.tail(kGroupBlock - 1) - block.head(kGroupBlock - 1)).squaredNorm() /
-                     static_cast<double>(kGroupBlock - 1);
+      fast[group] += fast_variance(block);
       all[group] += block.squaredNorm();
       ++blocks[group];
     }

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <string>
@@ -60,11 +59,11 @@ std::vector<Account> accounts() {
   return accounts;
 }
 
-/// What an explanation simulates that a fit does not, whitened.
-Stack difference_of(const Explanation& explanation, const LinearisedValve& fit) {
+/// What a problem simulates that a fit does not, whitened.
+Stack difference_of(const ValveFitProblem& problem, const VectorXd& v, const LinearisedValve& fit) {
   Stack difference;
-  for (std::size_t r = 0; r < explanation.problem->recordings(); ++r) {
-    difference.push_back(fit.whitened(r, explanation.problem->simulate(explanation.v, r)));
+  for (std::size_t r = 0; r < problem.recordings(); ++r) {
+    difference.push_back(fit.whitened(r, problem.simulate(v, r)));
   }
   return difference;
 }
@@ -73,11 +72,7 @@ Stack difference_of(const Explanation& explanation, const LinearisedValve& fit) 
 Stack effect_of(const Account& account, const Explanation& of, const LinearisedValve& linear) {
   const double probe = account.probe(*of.options->prior);
   const ValveFitOptions options = account.moved(*of.options, probe);
-  const ValveFitProblem problem(*of.problem, options);
-  const VectorXd v = account.moved(of.v, probe);
-  Stack effect;
-  for (std::size_t r = 0; r < problem.recordings(); ++r) effect.push_back(linear.whitened(r, problem.simulate(v, r)));
-  return effect;
+  return difference_of(ValveFitProblem(*of.problem, options), account.moved(of.v, probe), linear);
 }
 
 /// What a signature would take off the cost.
@@ -127,7 +122,7 @@ std::optional<Finding> unnamed_account(const Explanation& explanation, const Lin
                                        const Explanation& others, double inflation) {
   if (!others.options->prior) return {};
   const LinearisedValve alone(*others.problem, others.v);
-  const Stack effect_of_law = difference_of(explanation, alone);
+  const Stack effect_of_law = difference_of(*explanation.problem, explanation.v, alone);
   const double least = kLeastEvidence * inflation;
   const double of_law = evidence_of(alone, alone.signature(effect_of_law));
   std::optional<Finding> best;

@@ -1,5 +1,4 @@
 #include "core/discrepancy/valve_conclusion.h"
-#include "core/discrepancy/unnamed_account.h"
 
 #include <fmt/format.h>
 
@@ -7,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <span>
 
 #include "core/discrepancy/advise.h"
 #include "core/discrepancy/evidence.h"
@@ -14,6 +14,7 @@
 #include "core/discrepancy/leftover.h"
 #include "core/discrepancy/own_parameters.h"
 #include "core/discrepancy/recording_slip.h"
+#include "core/discrepancy/unnamed_account.h"
 #include "core/residual/noise_floor.h"
 #include "core/statistics/distributions.h"
 
@@ -472,16 +473,21 @@ std::vector<FreeRunsOf> runs_without(const Explanation& explanation) {
   return runs;
 }
 
-/// Held-out error with and without each cause; of several, the others refitted without it.
-void measure_each(const SearchedValve& searched, Discrepancy& discrepancy) {
-  const Explanation& explanation = searched.explanation;
+/// Of several laws, the others fitted again without each; none of one law, which leaves the baseline.
+std::vector<Explanation> without_each(const Explanation& explanation) {
+  std::vector<Explanation> others;
+  if (explanation.laws.size() < 2) return others;
+  for (std::size_t l = 0; l < explanation.laws.size(); ++l) others.push_back(without(explanation, l, kRefitSteps));
+  return others;
+}
+
+/// Held-out error with and without each cause.
+void measure_each(const SearchedValve& searched, std::span<const Explanation> others, Discrepancy& discrepancy) {
   for (std::size_t l = 0; l < discrepancy.causes.size(); ++l) {
     NamedCause& cause = discrepancy.causes[l];
     cause.rmse_after = discrepancy.gain.rmse_extended;
     cause.rmse_before = discrepancy.gain.rmse_baseline;
-    if (explanation.laws.size() < 2) continue;
-    const Explanation others = without(explanation, l, kRefitSteps);
-    cause.rmse_before = measure_gain(searched.baseline, others).gain.rmse_extended;
+    if (!others.empty()) cause.rmse_before = measure_gain(searched.baseline, others[l]).gain.rmse_extended;
   }
 }
 
@@ -620,13 +626,13 @@ bool is_explained(const Grounds& grounds, const LinearisedValve& linear, const L
 }
 
 /// Better accounts than the laws', of what no cause stands for.
-std::vector<Finding> unnamed_accounts(const Grounds& grounds, const LinearisedValve& linear) {
+std::vector<Finding> unnamed_accounts(const Grounds& grounds, const LinearisedValve& linear,
+                                      std::span<const Explanation> others) {
   const Explanation& explanation = grounds.explanation();
   std::vector<Finding> accounts;
   for (std::size_t l = 0; l < explanation.laws.size(); ++l) {
-    const Explanation others =
-        explanation.laws.size() == 1 ? grounds.searched.baseline.copy() : without(explanation, l, kRefitSteps);
-    if (auto better = unnamed_account(explanation, linear, l, others, grounds.inflation)) {
+    const Explanation& without_it = others.empty() ? grounds.searched.baseline : others[l];
+    if (auto better = unnamed_account(explanation, linear, l, without_it, grounds.inflation)) {
       accounts.push_back(std::move(*better));
     }
   }
@@ -653,7 +659,8 @@ ValveDiagnosis conclude_search(const SearchedValve& searched, const ValveDiagnos
   const OwnParameters own =
       explanation.laws.empty() ? own_parameters_of(explanation.v, linear.errors(inflation), options) : OwnParameters{};
   const bool is_taken_up = kTestsOfNoName * own.p_value < kFalseAlarm;
-  const std::vector<Finding> unnamed = unnamed_accounts(grounds, linear);
+  const std::vector<Explanation> others = without_each(explanation);
+  const std::vector<Finding> unnamed = unnamed_accounts(grounds, linear, others);
   const bool explained = !is_taken_up && unnamed.empty() && is_explained(grounds, linear, leftover, findings, heldout);
   for (std::size_t l = 0; l < explanation.laws.size(); ++l) {
     discrepancy.causes.push_back(named_cause(grounds, l, explained));
@@ -670,7 +677,7 @@ ValveDiagnosis conclude_search(const SearchedValve& searched, const ValveDiagnos
   discrepancy.findings.insert(discrepancy.findings.end(), leftover.findings.begin(), leftover.findings.end());
   discrepancy.findings.insert(discrepancy.findings.end(), own.findings.begin(), own.findings.end());
   discrepancy.findings.insert(discrepancy.findings.end(), unnamed.begin(), unnamed.end());
-  measure_each(searched, discrepancy);
+  measure_each(searched, others, discrepancy);
   discrepancy.candidates = candidates_of(grounds, discrepancy, leftover, linear, is_taken_up, unnamed);
   // No test tells apart causes of which none is the answer.
   if (unnamed.empty()) {

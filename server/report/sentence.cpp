@@ -176,16 +176,17 @@ std::string discrepancy_sentence(const Discrepancy& discrepancy, const std::opti
       if (const Finding* slip = discrepancy.slip()) {
         return fmt::format("These recordings allow no cause to be named: {}.", slip->what);
       }
-      if (const Finding* own = discrepancy.taken_up(); own && !discrepancy.causes.empty()) {
+      if (const Finding* own = discrepancy.taken_up()) {
+        if (discrepancy.causes.empty()) {
+          return fmt::format(
+              "Something is wrong that the simulation follows only with parameters that no good valve has: {}. It is "
+              "not known what makes them so; do not read a cause into this result.",
+              own->what);
+        }
         return fmt::format(
             "Something is wrong that no known cause explains: {}. It is not known why; do not read a cause into this "
             "result.{}",
             own->what, no_answer(discrepancy));
-      } else if (own) {
-        return fmt::format(
-            "Something is wrong that the simulation follows only with parameters that no good valve has: {}. It is not "
-            "known what makes them so; do not read a cause into this result.",
-            own->what);
       }
       return "Something is wrong that no known cause explains. It is not known what; do not read a cause into this "
              "result." +
