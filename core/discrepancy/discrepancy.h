@@ -21,6 +21,8 @@ namespace valvetriage {
 inline constexpr std::string_view kStaticMap = "static map";
 /// Where a finding speaks of what the fit of a valve took up, and not of what it left.
 inline constexpr std::string_view kOwnParameters = "the valve's own parameters";
+/// Where a finding is all that is left beside good valves, and no cause stands for it: see unnamed_direction.h.
+inline constexpr std::string_view kUnnamedChange = "what no cause stands for";
 
 /// Standard errors to either side of a 95 % interval.
 inline constexpr double kTwoSided95 = 1.96;
@@ -94,6 +96,8 @@ struct Discrepancy {
   const Finding* slip() const { return first_of(kStaticMap); }
   /// The one that speaks of the valve's own parameters, which no good valve has; null where there is none.
   const Finding* taken_up() const { return first_of(kOwnParameters); }
+  /// The one that describes all that is left and has no name; null where there is none.
+  const Finding* unnamed_change() const { return first_of(kUnnamedChange); }
 
  private:
   const Finding* first_of(std::string_view where) const {

@@ -7,6 +7,7 @@
 #include <span>
 
 #include "core/discrepancy/evidence.h"
+#include "core/discrepancy/unnamed_direction.h"
 #include "core/residual/noise_floor.h"
 #include "core/statistics/distributions.h"
 
@@ -24,6 +25,7 @@ constexpr double kRestRange = 0.002;
 constexpr double kShortestRest_s = 0.5;
 constexpr std::size_t kFewestAtRest = 64;
 constexpr int kFewestRests = 8;
+constexpr double kWorthAFinding = 0.01;
 
 /// Whether a group is slower than good valves', its logarithm as a normal deviate. `own`: standard error of that.
 Unusual in_its_logarithm(double log_ratio, double own, int blocks, const LeftoverOnGoodValves& good, int valves) {
@@ -66,9 +68,9 @@ void add_rest(const Eigen::Ref<const Eigen::VectorXd>& error, RestLevels& levels
   ++levels.rests;
 }
 
-RestLevels rest_levels(const LinearisedValve& fit, double output_range) {
+RestLevels rest_levels(const LinearisedValve& fit, const Stack& residual, double output_range) {
   RestLevels levels;
-  for (std::size_t r = 0; r < fit.error().size(); ++r) {
+  for (std::size_t r = 0; r < residual.size(); ++r) {
     const auto& sample = fit.rows()[r].sample;
     const std::vector<double>& output = fit.run(r).output;
     const double per_s = 1 / fit.problem().recording(r).sample_period_s;
@@ -82,7 +84,7 @@ RestLevels rest_levels(const LinearisedValve& fit, double output_range) {
         if (most - least < kRestRange * output_range) continue;
       }
       if (i - first >= shortest) {
-        add_rest(fit.error()[r].segment(static_cast<Index>(first), static_cast<Index>(i - first)), levels);
+        add_rest(residual[r].segment(static_cast<Index>(first), static_cast<Index>(i - first)), levels);
       }
       first = i;
       if (i < sample.size()) least = most = output[sample[i]];
@@ -93,8 +95,8 @@ RestLevels rest_levels(const LinearisedValve& fit, double output_range) {
 }
 
 /// How much more rests differ from each other than slow noise, or the steps of a coarse reading, would make them.
-LeftoverGroup of_rests(const LinearisedValve& fit, double output_range) {
-  const RestLevels levels = rest_levels(fit, output_range);
+LeftoverGroup of_rests(const LinearisedValve& fit, const Stack& residual, double output_range) {
+  const RestLevels levels = rest_levels(fit, residual, output_range);
   LeftoverGroup group{.group = "from rest to rest", .log_ratio = kUnknown, .blocks = levels.rests};
   if (levels.rests < kFewestRests) return group;
   group.mean_square = levels.between;
@@ -102,6 +104,48 @@ LeftoverGroup of_rests(const LinearisedValve& fit, double output_range) {
       std::log(std::max(levels.between, 1e-12) / (levels.within + std::max(1.0 / kGroupBlock, 1 - levels.fast)));
   group.own_log_ratio = group.log_ratio;
   return group;
+}
+
+const LeftoverOnGoodValves* on_good_valves(const std::string& name, const ValveDiagnosisOptions& options) {
+  const auto found = std::find_if(options.leftovers.begin(), options.leftovers.end(),
+                                  [&](const LeftoverOnGoodValves& good) { return good.group == name; });
+  return found == options.leftovers.end() ? nullptr : &*found;
+}
+
+Finding left_more(const std::string& where, double statistic, double p_value) {
+  return {.what = "more slow residual than any good valve leaves",
+          .where = where,
+          .statistic = statistic,
+          .p_value = p_value,
+          .share_of_structured_residual = kUnknown};
+}
+
+/// The rarest of several looks at one residual.
+struct Rarest {
+  std::vector<Finding> findings;
+  double smallest = 1;
+  int looks = 0;
+
+  void add(double p) {
+    smallest = std::min(smallest, p);
+    ++looks;
+  }
+  double p_value() const { return looks > 0 ? std::min(1.0, smallest * looks) : 1; }
+};
+
+/// Over all groups but the one that the others are measured against.
+Rarest rarest_group(std::span<const LeftoverGroup> groups, const ValveDiagnosisOptions& options) {
+  Rarest rarest;
+  for (const LeftoverGroup& group : groups.subspan(1)) {
+    const LeftoverOnGoodValves* good = on_good_valves(group.group, options);
+    if (!good || !std::isfinite(group.log_ratio)) continue;
+    const int valves = good->valves.value_or(options.good_valves);
+    if (valves < 2) continue;
+    const auto [t, p] = slower_than_good_valves(group.log_ratio, group.blocks, *good, valves);
+    rarest.add(p);
+    if (p < kWorthAFinding) rarest.findings.push_back(left_more(group.group, t, p));
+  }
+  return rarest;
 }
 
 }  // namespace
@@ -113,15 +157,15 @@ Unusual slower_than_good_valves(double log_ratio, int blocks, const LeftoverOnGo
   return unusual;
 }
 
-std::vector<LeftoverGroup> leftover_groups(const LinearisedValve& fit, double output_range) {
+std::vector<LeftoverGroup> leftover_groups(const LinearisedValve& fit, const Stack& residual, double output_range) {
   static constexpr std::array<const char*, 6> kNames{"at rest, low", "at rest, middle", "at rest, high",
                                                      "moving, low",  "moving, middle",  "moving, high"};
   std::array<double, 6> squares{}, fast{}, all{};
   std::array<int, 6> blocks{};
-  for (std::size_t r = 0; r < fit.error().size(); ++r) {
+  for (std::size_t r = 0; r < residual.size(); ++r) {
     const auto& sample = fit.rows()[r].sample;
     const auto& output = fit.run(r).output;
-    for (Index first = 0; first + kGroupBlock <= fit.error()[r].size(); first += kGroupBlock) {
+    for (Index first = 0; first + kGroupBlock <= residual[r].size(); first += kGroupBlock) {
       const std::size_t begin = sample[static_cast<std::size_t>(first)];
       const std::size_t end = sample[static_cast<std::size_t>(first + kGroupBlock - 1)];
       const auto [least, most] = std::minmax_element(output.begin() + static_cast<std::ptrdiff_t>(begin),
@@ -129,7 +173,7 @@ std::vector<LeftoverGroup> leftover_groups(const LinearisedValve& fit, double ou
       const double level = std::clamp(0.5 * (*least + *most) / output_range, 0.0, 0.999);
       const bool moving = *most - *least > 0.01 * output_range;
       const std::size_t group = static_cast<std::size_t>(3 * level) + (moving ? 3 : 0);
-      const auto block = fit.error()[r].segment(first, kGroupBlock);
+      const auto block = residual[r].segment(first, kGroupBlock);
       const double mean = block.mean();
       squares[group] += mean * mean * static_cast<double>(kGroupBlock);
       fast[group] += fast_variance(block);
@@ -150,49 +194,62 @@ std::vector<LeftoverGroup> leftover_groups(const LinearisedValve& fit, double ou
     group.own_log_ratio = group.log_ratio;
     group.log_ratio -= base;
   }
-  groups.push_back(of_rests(fit, output_range));
+  groups.push_back(of_rests(fit, residual, output_range));
   return groups;
+}
+
+std::vector<std::pair<std::string, double>> leftovers_of_good_valve(const LinearisedValve& linear,
+                                                                    const ValveFitOptions& options) {
+  std::vector<std::pair<std::string, double>> seen;
+  const auto add = [&](const std::string& name, double value) {
+    if (std::isfinite(value)) seen.emplace_back(name, value);
+  };
+  const std::vector<LeftoverGroup> groups = leftover_groups(linear, linear.error(), 2 * options.reference_psi);
+  // The group that the others are measured against has its own slowness.
+  add(groups.front().group, groups.front().own_log_ratio);
+  for (const LeftoverGroup& group : std::span(groups).subspan(1)) add(group.group, group.log_ratio);
+  for (const UnnamedDirection& direction : unnamed_directions(linear)) {
+    add(direction.name, std::log1p(direction.evidence));
+  }
+  return seen;
 }
 
 Leftover leftover_of(const LinearisedValve& linear, const ValveDiagnosisOptions& options) {
   Leftover leftover;
-  double smallest = 1;
-  int groups = 0;
-  const std::vector<LeftoverGroup> all_groups = leftover_groups(linear, 2 * options.fit.reference_psi);
-  const auto on_good_valves = [&](const LeftoverGroup& group) {
-    return std::find_if(options.leftovers.begin(), options.leftovers.end(),
-                        [&](const LeftoverOnGoodValves& g) { return g.group == group.group; });
-  };
-  const LeftoverGroup& at_rest = all_groups.front();
-  for (const LeftoverGroup& group : all_groups) {
+  const double output_range = 2 * options.fit.reference_psi;
+  const std::vector<LeftoverGroup> groups = leftover_groups(linear, linear.error(), output_range);
+  const LeftoverGroup& at_rest = groups.front();
+  for (const LeftoverGroup& group : groups) {
     if (group.group.starts_with(kAtRest)) leftover.at_rest = std::max(leftover.at_rest, group.mean_square);
   }
   if (std::isfinite(at_rest.own_log_ratio)) {
     // Slow noise of the stand itself is there in good valves as well.
-    const auto good = on_good_valves(at_rest);
-    const double usual = good == options.leftovers.end() ? 0 : good->mean;
-    const double between = good == options.leftovers.end() ? 0 : good->sd;
+    const LeftoverOnGoodValves* good = on_good_valves(at_rest.group, options);
+    const double usual = good ? good->mean : 0, between = good ? good->sd : 0;
     leftover.at_rest_deviations =
         (at_rest.own_log_ratio - usual) / std::hypot(between, std::sqrt(2.0 / at_rest.blocks));
     leftover.slow_at_rest = (std::exp(at_rest.own_log_ratio) - std::exp(usual)) / static_cast<double>(kGroupBlock);
   }
-  for (const LeftoverGroup& group : std::span(all_groups).subspan(1)) {
-    const auto good = on_good_valves(group);
-    if (!std::isfinite(group.log_ratio) || good == options.leftovers.end()) continue;
+  Rarest rarest = rarest_group(groups, options);
+  leftover.findings = std::move(rarest.findings);
+  for (const UnnamedDirection& direction : unnamed_directions(linear)) {
+    const LeftoverOnGoodValves* good = on_good_valves(direction.name, options);
+    if (!good || !std::isfinite(direction.evidence)) continue;
     const int valves = good->valves.value_or(options.good_valves);
     if (valves < 2) continue;
-    ++groups;
-    const auto [t, p] = slower_than_good_valves(group.log_ratio, group.blocks, *good, valves);
-    if (p < 0.01) {
-      leftover.findings.push_back({.what = "more slow residual than any good valve leaves",
-                                   .where = group.group,
-                                   .statistic = t,
-                                   .p_value = p,
-                                   .share_of_structured_residual = kUnknown});
+    const double p = direction_p_value(direction.evidence, *good, valves);
+    rarest.add(p);
+    if (p >= kWorthAFinding) continue;
+    Finding finding = left_more(direction.name, std::sqrt(direction.evidence), p);
+    const std::vector<LeftoverGroup> beside =
+        leftover_groups(linear, linear.residual_without(direction.signature), output_range);
+    if (rarest_group(beside, options).p_value() > kWorthAFinding) {
+      finding.what = direction.finding;
+      finding.where = kUnnamedChange;
     }
-    smallest = std::min(smallest, p);
+    leftover.findings.push_back(std::move(finding));
   }
-  leftover.p_value = groups > 0 ? std::min(1.0, smallest * groups) : 1;
+  leftover.p_value = rarest.p_value();
   return leftover;
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "core/discrepancy/discrepancy.h"
@@ -25,7 +26,10 @@ struct LeftoverGroup {
   double mean_square = 0;    ///< in noise variances
   int blocks = 0;
 };
-std::vector<LeftoverGroup> leftover_groups(const LinearisedValve& fit, double output_range);
+///
+/// residual      whitened, at the rows of `fit`
+/// output_range  [psi]
+std::vector<LeftoverGroup> leftover_groups(const LinearisedValve& fit, const Stack& residual, double output_range);
 
 /// How far a group is from good valves, in standard deviations, and the probability that a good valve is as slow.
 struct Unusual {
@@ -38,9 +42,13 @@ struct Unusual {
 /// several times as far out (square_p_value).
 Unusual slower_than_good_valves(double log_ratio, int blocks, const LeftoverOnGoodValves& good, int valves);
 
+/// What is left in a good valve, by group and by unnamed direction, as a reference keeps it: LeftoverOnGoodValves.
+std::vector<std::pair<std::string, double>> leftovers_of_good_valve(const LinearisedValve& linear,
+                                                                    const ValveFitOptions& options);
+
 /// What is left beside an explanation, against good valves.
 struct Leftover {
-  double p_value = 1;             ///< in a good valve, over all groups of samples
+  double p_value = 1;             ///< in a good valve, over all groups of samples and all unnamed directions
   double at_rest = 0;             ///< mean square at rest, at its loudest level, in noise variances
   double at_rest_deviations = 0;  ///< of the slowness at rest at the lowest level from that of good valves
   double slow_at_rest = 0;        ///< mean square of what is slow there, less good valves', in that of the fast noise

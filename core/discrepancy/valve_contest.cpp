@@ -825,14 +825,7 @@ GoodValveSurvey survey_good_valve(std::span<const Recording> recordings, const V
     }
     seen.causes.push_back({tested.cause(), evidence.value, size});
   }
-  const std::vector<LeftoverGroup> groups = leftover_groups(linear, 2 * options.reference_psi);
-  // The group that the others are measured against has its own slowness.
-  if (std::isfinite(groups.front().own_log_ratio)) {
-    seen.leftovers.emplace_back(groups.front().group, groups.front().own_log_ratio);
-  }
-  for (const LeftoverGroup& group : std::span(groups).subspan(1)) {
-    if (std::isfinite(group.log_ratio)) seen.leftovers.emplace_back(group.group, group.log_ratio);
-  }
+  seen.leftovers = leftovers_of_good_valve(linear, options);
   return seen;
 }
 

@@ -57,7 +57,8 @@ struct CauseOnGoodValves {
                                      ///< has none in the others
 };
 
-/// How unevenly good valves' residuals are spread: ln of a group of samples' mean square over the noise's.
+/// How unevenly good valves' residuals are spread: ln of a group of samples' mean square over the noise's; or how far
+/// they go along what no cause stands for: ln(1 + evidence in noise variances), under the direction's name.
 struct LeftoverOnGoodValves {
   std::string group;
   double mean = 0, sd = 0;

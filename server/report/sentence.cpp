@@ -156,6 +156,14 @@ std::string no_answer(const Discrepancy& discrepancy) {
   return " What comes closest is listed, and is not the answer.";
 }
 
+/// What is seen of a fault that has no name.
+std::string unexplained_but(const Finding& seen, const Discrepancy& discrepancy) {
+  return fmt::format(
+      "Something is wrong that no known cause explains: {}. It is not known why; do not read a cause into this "
+      "result.{}",
+      seen.what, no_answer(discrepancy));
+}
+
 std::string discrepancy_sentence(const Discrepancy& discrepancy, const std::optional<std::string>& verdict) {
   std::vector<std::string> names;
   bool rivals = false;
@@ -183,11 +191,9 @@ std::string discrepancy_sentence(const Discrepancy& discrepancy, const std::opti
               "not known what makes them so; do not read a cause into this result.",
               own->what);
         }
-        return fmt::format(
-            "Something is wrong that no known cause explains: {}. It is not known why; do not read a cause into this "
-            "result.{}",
-            own->what, no_answer(discrepancy));
+        return unexplained_but(*own, discrepancy);
       }
+      if (const Finding* change = discrepancy.unnamed_change()) return unexplained_but(*change, discrepancy);
       return "Something is wrong that no known cause explains. It is not known what; do not read a cause into this "
              "result." +
              no_answer(discrepancy);

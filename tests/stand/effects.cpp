@@ -243,7 +243,7 @@ const std::vector<Effect>& effects() {
       {{"entrained_air", "stand", "outside", "compressibility of the air at 26 psi over that of the fluid", 0.0028,
         0.21, 0.5, 1.5, false},
        entrained_air},
-      {{"clock_drift", "stand", "outside", "the pressure's clock runs fast by [s/s]", 0.000005, 0.0004, 0.001, 0.004,
+      {{"clock_drift", "stand", "outside", "the pressure's clock runs slow by [s/s]", 0.000005, 0.0004, 0.001, 0.004,
         false},
        clock_drift},
       {{"sticky_gauge_tube", "stand", "outside", "pressure difference that frees the gauge [psi]", 0.02, 1.25, 2, 6,

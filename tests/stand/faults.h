@@ -36,7 +36,7 @@ struct Faults {
   double telegraph_gain = 0;
   double surge_share = 0;     ///< supply lost while the stand's accumulator is empty
   double entrained_air = 0;   ///< compressibility of the air at 26 psi over that of the fluid
-  double clock_error = 0;     ///< the pressure's clock runs fast by this ratio
+  double clock_error = 0;     ///< the pressure's clock runs slow by this ratio
   double tube_stick_psi = 0;  ///< the gauge's tube holds until the pressure differs by this
   double creep = 0;           ///< share of the current's effect that comes late, over three decades of time
 };

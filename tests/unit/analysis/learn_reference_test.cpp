@@ -78,6 +78,19 @@ TEST(LearnReference, EachSizeSaysHowManyValvesItIsKnownOf) {
   }
 }
 
+TEST(LearnReference, KnowsHowFarGoodValvesGoAlongWhatNoCauseStandsFor) {
+  for (const char* name : {"a delay that grows", "following for seconds"}) {
+    const std::vector<LeftoverOnGoodValves>& known = eight().leftovers;
+    const auto left =
+        std::find_if(known.begin(), known.end(), [&](const LeftoverOnGoodValves& l) { return l.group == name; });
+    ASSERT_NE(left, known.end()) << name;
+    EXPECT_EQ(left->valves, 8) << name;
+    // ln(1 + χ²) of noise alone is 0.5 in the mean.
+    EXPECT_GT(left->mean, 0) << name;
+    EXPECT_LT(left->mean, 2) << name;
+  }
+}
+
 TEST(LearnReference, TheCovarianceIsPositiveDefinite) {
   const Reference& reference = eight();
   const auto p = static_cast<Eigen::Index>(reference.parameters.size() + reference.map_sd.size());

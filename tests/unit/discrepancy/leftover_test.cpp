@@ -4,6 +4,8 @@
 
 #include <cmath>
 
+#include "core/discrepancy/unnamed_direction.h"
+
 namespace valvetriage {
 namespace {
 
@@ -31,6 +33,17 @@ TEST(Leftover, AGroupAsSlowAsGoodValvesIsUsual) {
   const LeftoverOnGoodValves good{"moving, high", 0.2, 0.15};
   EXPECT_GT(p_value(0.2, good, 8), 0.3);
   EXPECT_GT(p_value(-0.1, good, 8), 0.5);
+}
+
+TEST(UnnamedDirection, WhatNoGoodValveShowsIsRareAndWhatNoiseShowsIsNot) {
+  // Eight whose evidence is that of noise alone.
+  const LeftoverOnGoodValves noise{"a delay that grows", 0.55, 0.5};
+  EXPECT_GT(direction_p_value(4, noise, 8), 0.05);
+  EXPECT_LT(direction_p_value(400, noise, 8), 1e-6);
+  // Eight that show more of it: no good valve is surprising with as much again.
+  const LeftoverOnGoodValves shown{"following for seconds", std::log1p(10), 1.0};
+  EXPECT_GT(direction_p_value(40, shown, 8), 0.02);
+  EXPECT_LT(direction_p_value(4, noise, 30), direction_p_value(4, noise, 8));
 }
 
 }  // namespace

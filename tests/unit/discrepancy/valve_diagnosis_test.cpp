@@ -343,6 +343,77 @@ TEST(ValveDiagnosis, AReadingThatHoldsAnotherLevelAtEachRestIsNotNothing) {
   EXPECT_EQ(conclusion(coarse), Conclusion::kNone);
 }
 
+/// What eight good valves show along the directions: noise.
+Discrepancy beside_directions(const std::vector<Recording>& recordings, const Population& population) {
+  const std::vector<LeftoverOnGoodValves> leftovers{{"a delay that grows", 0.55, 0.5},
+                                                    {"following for seconds", 0.55, 0.5}};
+  const auto fit = fit_valve(recordings, population.options);
+  return diagnose_valve(
+             recordings, *fit,
+             {.fit = population.options, .good_valves = 8, .causes = population.causes, .leftovers = leftovers})
+      .discrepancy;
+}
+
+void add_noise(std::vector<Recording>& recordings) {
+  std::mt19937_64 random(8);
+  std::normal_distribution<double> normal;
+  for (Recording& recording : recordings) {
+    for (double& pressure : recording.output.values) pressure += kNoise_psi * normal(random);
+  }
+}
+
+TEST(ValveDiagnosis, ClocksThatRunApartHaveNoNameAndAreSeen) {
+  const test::MadeValve valve;
+  const Population population(test::session(valve, kNoise_psi, 5), valve);
+  for (const double apart : {0.0, 0.0008, -0.0008}) {
+    auto recordings = test::session(valve, 0, 5);
+    for (Recording& recording : recordings) {
+      const std::vector<double> at_input = recording.output.values;
+      for (std::size_t i = 0; i < at_input.size(); ++i) {
+        // The clock of the output counts so many more seconds.
+        const double at = static_cast<double>(i) / (1 + apart);
+        const auto before = std::min(static_cast<std::size_t>(at), at_input.size() - 2);
+        recording.output.values[i] =
+            std::lerp(at_input[before], at_input[before + 1], at - static_cast<double>(before));
+      }
+    }
+    add_noise(recordings);
+    const Discrepancy found = beside_directions(recordings, population);
+    if (apart == 0) {
+      EXPECT_EQ(found.conclusion, Conclusion::kNone);
+      EXPECT_EQ(found.unnamed_change(), nullptr);
+      continue;
+    }
+    EXPECT_EQ(found.conclusion, Conclusion::kUnexplained) << apart;
+    ASSERT_NE(found.unnamed_change(), nullptr) << apart;
+    const std::string& what = found.unnamed_change()->what;
+    const std::string before =
+        apart > 0 ? "the output comes later and later by " : "the output comes sooner and sooner by ";
+    ASSERT_TRUE(what.starts_with(before)) << what;
+    EXPECT_NEAR(std::stod(what.substr(before.size())), 800, 100) << what;
+    EXPECT_NE(what.find(apart > 0 ? "ppm faster than" : "ppm slower than"), std::string::npos) << what;
+  }
+}
+
+TEST(ValveDiagnosis, AnOutputThatGoesOnMovingForSecondsHasNoNameAndIsSeen) {
+  const test::MadeValve valve;
+  const Population population(test::session(valve, kNoise_psi, 5), valve);
+  auto recordings = test::session(valve, 0, 5);
+  for (Recording& recording : recordings) {
+    double late = recording.output.values.front();
+    for (double& pressure : recording.output.values) {
+      late += (pressure - late) * recording.sample_period_s / 4;
+      pressure += 0.01 * (late - pressure);
+    }
+  }
+  add_noise(recordings);
+  const Discrepancy found = beside_directions(recordings, population);
+  EXPECT_EQ(found.conclusion, Conclusion::kUnexplained);
+  ASSERT_NE(found.unnamed_change(), nullptr);
+  EXPECT_NE(found.unnamed_change()->what.find("% of the output follows some 5 s late"), std::string::npos)
+      << found.unnamed_change()->what;
+}
+
 TEST(ValveDiagnosis, ALawThatAccountsForWhatNoGoodValveLeavesNeedNotStandOutOnceMore) {
   const test::MadeValve valve;
   const auto healthy = test::session(valve, kNoise_psi, 5);

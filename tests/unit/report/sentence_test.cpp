@@ -155,6 +155,15 @@ TEST(Sentence, OfANameThatABetterAccountTookTellsTheAccount) {
             "not the answer.");
 }
 
+TEST(Sentence, OfAChangeThatHasNoNameTellsWhatIsSeenOfIt) {
+  Analysis analysis = with(Conclusion::kUnexplained);
+  analysis.discrepancy->findings.push_back(
+      {.what = "0.2 % of the output follows some 5 s late", .where = std::string(kUnnamedChange)});
+  EXPECT_EQ(summarise(analysis).discrepancy,
+            "Something is wrong that no known cause explains: 0.2 % of the output follows some 5 s late. It is not "
+            "known why; do not read a cause into this result.");
+}
+
 TEST(Sentence, OfRecordingsThatNoValveMakesSaysWhatToCheck) {
   Analysis analysis = with(Conclusion::kUnexplained);
   analysis.discrepancy->findings.push_back(
