@@ -107,7 +107,6 @@ std::vector<JointStart> joint_starts(const Tested& tested, const Explanation& be
     const double width = !sticks ? 0 : is_fitted ? 1 : kNarrow;
     for (const auto& [cost, start] : by_cost) starts.push_back({place, *start, width});
   }
-  for (JointStart& start : in_place_of_own_loops(tested, beside)) starts.push_back(std::move(start));
   return starts;
 }
 
@@ -131,7 +130,8 @@ VectorXd valve_under(const Explanation& explanation) {
 /// A law of the race once more, from other starts; the better of its fits stays.
 void fit_again(std::size_t i, const Explanation& beside, std::span<const JointStart> starts, double hopeless,
                JointFits& joint) {
-  Explanation fitted = extend(beside, joint.racing[i]->fit, kJointSteps, hopeless, starts);
+  if (starts.empty()) return;
+  Explanation fitted = extend_from(starts, beside, joint.racing[i]->fit, kJointSteps, hopeless);
   joint.compare(fitted);
   if (fitted.cost < joint.fitted[i].cost) joint.fitted[i] = std::move(fitted);
 }
@@ -158,8 +158,9 @@ void fit_jointly(const std::vector<const Tested*>& entering, const Explanation& 
   std::vector<VectorXd> places;
   if (bent) places = {beside.v, at_population_mean(beside)};
   const auto fit = [&](const Tested& tested) {
-    Explanation fitted = extend(beside, tested.fit, kJointSteps, joint.lowest - kInTheRace * joint.inflation,
-                                joint_starts(tested, beside, places));
+    std::vector<JointStart> starts = joint_starts(tested, beside, places);
+    for (JointStart& start : in_place_of_own_loops(tested, beside)) starts.push_back(std::move(start));
+    Explanation fitted = extend(beside, tested.fit, kJointSteps, joint.lowest - kInTheRace * joint.inflation, starts);
     if (tested.fit.law.recording) fitted = at_its_instant(std::move(fitted), beside, tested.fit, kJointSteps);
     joint.compare(fitted);
     return fitted;
@@ -188,8 +189,11 @@ void fit_in_place_of_kin(const Explanation& beside, JointFits& joint) {
   const Explanation& leading = joint.fitted[*best];
   const VectorXd place = valve_under(leading);
   const double width_a = leading.laws.back().law.law->memory->width_a(leading.parameters_of_last());
+  const double cost = leading.cost;
+  joint.in_place_of.resize(joint.fitted.size(), std::numeric_limits<double>::infinity());
   for (std::size_t i = 0; i < joint.fitted.size(); ++i) {
-    if (i == *best || !joint.racing[i]->is_of_memory()) continue;
+    if (i == *best || !joint.racing[i]->is_of_memory() || joint.in_place_of[i] == cost) continue;
+    joint.in_place_of[i] = cost;
     fit_again(i, beside, taking_over(*joint.racing[i], beside, place, width_a),
               joint.lowest - kInTheRace * joint.inflation, joint);
   }
@@ -221,17 +225,16 @@ void fit_from_slips(const Survey& survey, const Explanation& beside, JointFits& 
   const VectorXd place = at_population_mean(beside);
   for (const Tested& tested : survey.tested) {
     if (!makes_stick(tested.fit.law, beside)) continue;
-    Explanation fitted = extend(beside, tested.fit, kJointSteps, joint.lowest - kInTheRace * joint.inflation,
-                                slip_starts(beside, tested.fit.law, place));
-    joint.compare(fitted);
+    const std::vector<JointStart> starts = slip_starts(beside, tested.fit.law, place);
+    const double hopeless = joint.lowest - kInTheRace * joint.inflation;
     const auto known = std::find(joint.racing.begin(), joint.racing.end(), &tested);
-    if (known == joint.racing.end()) {
-      joint.racing.push_back(&tested);
-      joint.fitted.push_back(std::move(fitted));
-    } else if (Explanation& before = joint.fitted[static_cast<std::size_t>(known - joint.racing.begin())];
-               fitted.cost < before.cost) {
-      before = std::move(fitted);
+    if (known != joint.racing.end()) {
+      fit_again(static_cast<std::size_t>(known - joint.racing.begin()), beside, starts, hopeless, joint);
+      continue;
     }
+    joint.racing.push_back(&tested);
+    joint.fitted.push_back(extend(beside, tested.fit, kJointSteps, hopeless, starts));
+    joint.compare(joint.fitted.back());
   }
 }
 

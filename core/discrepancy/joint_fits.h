@@ -17,6 +17,7 @@ struct JointFits {
   double lowest = 0;                   ///< cost of the best of them, or of what they stand beside
   double inflation = 1;                ///< of the noise, by the best of them
   std::vector<std::string> borne_out;  ///< causes that recordings left out of the fit have confirmed
+  std::vector<double> in_place_of;     ///< cost of the kin in whose place each was fitted last: not twice in the same
   std::deque<Tested> moved;            ///< those of `racing` that stand at the other of their law's two places
 
   /// Takes a fit into `lowest` and `inflation`.

@@ -115,6 +115,81 @@ Uncertainty uncertainty_of(const Explanation& explanation) {
   return of;
 }
 
+/// One more law, nothing fitted yet.
+Explanation with_law(const Explanation& explanation, const LawFit& law) {
+  Explanation extended;
+  extended.options = std::make_unique<ValveFitOptions>(*explanation.options);
+  extended.options->laws.push_back(law.law);
+  extended.problem = std::make_unique<ValveFitProblem>(*explanation.problem, *extended.options);
+  extended.laws = explanation.laws;
+  extended.laws.push_back(law);
+  return extended;
+}
+
+/// Where the search of an explanation's last law ended. Its linear forecast of where the valve moves may overshoot; the
+/// valve where it stood, if that is better.
+Descent from_search(const Explanation& extended, const Explanation& explanation) {
+  const ValveFitProblem& problem = *extended.problem;
+  const LawFit& law = extended.laws.back();
+  const VectorXd moved = explanation.problem->continued_in(problem, law.baseline, law.parameters);
+  const VectorXd stayed = explanation.problem->continued_in(problem, explanation.v, law.parameters);
+  return descent_from(problem, problem.cost(moved) < problem.cost(stayed) ? moved : stayed);
+}
+
+void add_starts(std::span<const JointStart> starts, const Explanation& extended, const Explanation& explanation,
+                std::vector<Descent>& scouts) {
+  const ValveFitProblem& problem = *extended.problem;
+  for (const JointStart& start : starts) {
+    scouts.push_back(
+        descent_from(problem, explanation.problem->continued_in(problem, start.baseline, start.parameters)));
+    if (start.width > 0) scouts.back().width = std::min(scouts.back().width, start.width);
+  }
+}
+
+/// Fitted from whichever of its scouts is better after a few iterations.
+Explanation fitted_from(std::vector<Descent> scouts, Explanation extended, int most_iterations, double hopeless) {
+  const ValveFitProblem& problem = *extended.problem;
+  int done = 0;
+  if (scouts.size() > 1) {
+    for (Descent& scout : scouts) scout = descend_on(problem, std::move(scout), kScoutIterations, kSmallestGain);
+    done = kScoutIterations;
+  }
+  // A scout that has given the law up is no better than without it, and at its end: another may still come below.
+  const auto acts = [&](const Descent& d) {
+    return law_acts(problem, extended.laws.back().law, extended.laws.size() - 1, d.v);
+  };
+  const auto by_cost = [&](const Descent& a, const Descent& b) {
+    const bool a_acts = acts(a), b_acts = acts(b);
+    return a_acts != b_acts ? a_acts : a.cost < b.cost;
+  };
+  std::stable_sort(scouts.begin(), scouts.end(), by_cost);
+  const Descent lowest = *std::min_element(scouts.begin(), scouts.end(),
+                                           [](const Descent& a, const Descent& b) { return a.cost < b.cost; });
+  const auto led_down = [&](Descent descent) {
+    double before = done > 0 ? descent.cost : std::numeric_limits<double>::infinity();
+    for (int steps = done; steps < most_iterations; steps += kIterationsAtATime) {
+      descent = descend_on(problem, std::move(descent), kIterationsAtATime, kSmallestGain);
+      const double gained = before - descent.cost;
+      before = descent.cost;
+      if (descent.termination != FitTermination::kIterationLimit) break;
+      if (std::isfinite(gained) && descent.cost - kMoreToGain * gained > hopeless) break;
+    }
+    return descent;
+  };
+  Descent best = led_down(scouts.front());
+  if (scouts.size() > 1 && problem.sticks(best.v)) {
+    // A rough cost has many valleys: from wider secants there may be a lower one beside this.
+    Descent again = descent_from(problem, best.v);
+    again.width = kWideAgain;
+    again = led_down(std::move(again));
+    if (again.cost < best.cost) best = std::move(again);
+  }
+  if (lowest.cost < best.cost) best = lowest;
+  extended.v = std::move(best.v);
+  extended.cost = best.cost;
+  return extended;
+}
+
 }  // namespace
 
 std::vector<double> Explanation::standard_errors(double inflation) const {
@@ -175,61 +250,18 @@ Explanation explain_nothing(std::span<const Recording> recordings, const ValveFi
 
 Explanation extend(const Explanation& explanation, const LawFit& law, int most_iterations, double hopeless,
                    std::span<const JointStart> others) {
-  Explanation extended;
-  extended.options = std::make_unique<ValveFitOptions>(*explanation.options);
-  extended.options->laws.push_back(law.law);
-  extended.problem = std::make_unique<ValveFitProblem>(*explanation.problem, *extended.options);
-  extended.laws = explanation.laws;
-  extended.laws.push_back(law);
-  const ValveFitProblem& problem = *extended.problem;
-  const auto start_at = [&](const VectorXd& baseline, std::span<const double> parameters) {
-    return explanation.problem->continued_in(problem, baseline, parameters);
-  };
-  // The linear forecast of where the valve moves may overshoot; the valve where it stood is the other start.
-  const VectorXd moved = start_at(law.baseline, law.parameters);
-  const VectorXd stayed = start_at(explanation.v, law.parameters);
-  std::vector<Descent> scouts{descent_from(problem, problem.cost(moved) < problem.cost(stayed) ? moved : stayed)};
-  for (const JointStart& other : others) {
-    scouts.push_back(descent_from(problem, start_at(other.baseline, other.parameters)));
-    if (other.width > 0) scouts.back().width = std::min(scouts.back().width, other.width);
-  }
-  int done = 0;
-  if (scouts.size() > 1) {
-    for (Descent& scout : scouts) scout = descend_on(problem, std::move(scout), kScoutIterations, kSmallestGain);
-    done = kScoutIterations;
-  }
-  // A scout that has given the law up is no better than without it, and at its end: another may still come below.
-  const auto acts = [&](const Descent& d) { return law_acts(problem, law.law, explanation.laws.size(), d.v); };
-  const auto by_cost = [&](const Descent& a, const Descent& b) {
-    const bool a_acts = acts(a), b_acts = acts(b);
-    return a_acts != b_acts ? a_acts : a.cost < b.cost;
-  };
-  std::stable_sort(scouts.begin(), scouts.end(), by_cost);
-  const Descent lowest = *std::min_element(scouts.begin(), scouts.end(),
-                                           [](const Descent& a, const Descent& b) { return a.cost < b.cost; });
-  const auto led_down = [&](Descent descent) {
-    double before = done > 0 ? descent.cost : std::numeric_limits<double>::infinity();
-    for (int steps = done; steps < most_iterations; steps += kIterationsAtATime) {
-      descent = descend_on(problem, std::move(descent), kIterationsAtATime, kSmallestGain);
-      const double gained = before - descent.cost;
-      before = descent.cost;
-      if (descent.termination != FitTermination::kIterationLimit) break;
-      if (std::isfinite(gained) && descent.cost - kMoreToGain * gained > hopeless) break;
-    }
-    return descent;
-  };
-  Descent best = led_down(scouts.front());
-  if (scouts.size() > 1 && problem.sticks(best.v)) {
-    // A rough cost has many valleys: from wider secants there may be a lower one beside this.
-    Descent again = descent_from(problem, best.v);
-    again.width = kWideAgain;
-    again = led_down(std::move(again));
-    if (again.cost < best.cost) best = std::move(again);
-  }
-  if (lowest.cost < best.cost) best = lowest;
-  extended.v = std::move(best.v);
-  extended.cost = best.cost;
-  return extended;
+  Explanation extended = with_law(explanation, law);
+  std::vector<Descent> scouts{from_search(extended, explanation)};
+  add_starts(others, extended, explanation, scouts);
+  return fitted_from(std::move(scouts), std::move(extended), most_iterations, hopeless);
+}
+
+Explanation extend_from(std::span<const JointStart> starts, const Explanation& explanation, const LawFit& law,
+                        int most_iterations, double hopeless) {
+  Explanation extended = with_law(explanation, law);
+  std::vector<Descent> scouts;
+  add_starts(starts, extended, explanation, scouts);
+  return fitted_from(std::move(scouts), std::move(extended), most_iterations, hopeless);
 }
 
 Explanation without(const Explanation& explanation, std::size_t law, int most_iterations) {

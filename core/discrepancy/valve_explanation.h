@@ -45,6 +45,9 @@ struct JointStart {
 /// few iterations. A fit that at its pace would not come down to `hopeless` is ended early.
 Explanation extend(const Explanation& explanation, const LawFit& law, int most_iterations, double hopeless,
                    std::span<const JointStart> others = {});
+/// The same from the starts alone, at least one: where the search ended has been tried before.
+Explanation extend_from(std::span<const JointStart> starts, const Explanation& explanation, const LawFit& law,
+                        int most_iterations, double hopeless);
 /// One law less, the rest fitted again.
 Explanation without(const Explanation& explanation, std::size_t law, int most_iterations);
 
