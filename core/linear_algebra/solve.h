@@ -5,8 +5,8 @@
 /// Dense systems of the sizes met here, a few to a few hundred unknowns. Eigen's decompositions stand behind this
 /// header because each takes seconds to compile wherever it is written out.
 ///
-/// Shapes that do not fit are a mistake of the caller (Eigen asserts); numbers that are not finite give numbers that
-/// are not finite.
+/// Shapes that do not fit are a mistake of the caller (Eigen asserts), and so are numbers that are not finite: pivots
+/// are chosen past them, and what comes back may be finite and means nothing.
 namespace valvetriage {
 
 /// x of A x = b, by L D Lᵀ with pivots; what is singular in A is left at zero.
