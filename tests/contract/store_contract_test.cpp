@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <functional>
+#include <ostream>
 #include <set>
 #include <thread>
 
@@ -25,6 +26,8 @@ constexpr std::int64_t kLeaseMs = 30'000;
 struct Implementation {
   std::string name;
   std::function<Result<std::unique_ptr<Store>>(const std::string& folder, const Clock& clock)> open;
+
+  friend void PrintTo(const Implementation& tested, std::ostream* out) { *out << tested.name; }
 };
 
 class StoreContract : public testing::TestWithParam<Implementation> {

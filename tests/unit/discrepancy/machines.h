@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <numbers>
+#include <ostream>
 #include <string>
 #include <vector>
 
@@ -337,6 +338,8 @@ struct Case {
   std::string name;
   std::string truth;
   std::function<Recording(std::uint64_t)> record;
+
+  friend void PrintTo(const Case& machine, std::ostream* out) { *out << machine.name; }
 };
 
 inline constexpr double kStep_s = 0.02;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <ostream>
 #include <random>
 
 #include "core/discrepancy/instants.h"
@@ -18,6 +19,11 @@
 #include "tests/unit/identify/valves.h"
 
 namespace valvetriage {
+
+inline void PrintTo(const MechanismUse& use, std::ostream* out) {
+  *out << use.cause;
+}
+
 namespace {
 
 using test::kNoise_psi;

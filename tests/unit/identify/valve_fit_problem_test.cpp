@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <ostream>
 
 #include "tests/unit/identify/valves.h"
 
@@ -22,6 +23,8 @@ ValveFitOptions options_at_105_psi(const std::vector<Recording>& recordings) {
 struct PutIn {
   const char* cause;
   std::vector<double> parameters;
+
+  friend void PrintTo(const PutIn& put_in, std::ostream* out) { *out << put_in.cause; }
 };
 
 class ValveFitProblemWith : public testing::TestWithParam<PutIn> {};

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <ostream>
 
 #include "core/recording/limits.h"
 #include "tests/unit/recording/csv_text.h"
@@ -98,6 +99,8 @@ struct BadLine {
   const char* code;
   std::size_t column;
   const char* found;
+
+  friend void PrintTo(const BadLine& bad, std::ostream* out) { *out << bad.code; }
 };
 
 class ParseCsvRefuses : public testing::TestWithParam<BadLine> {};

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <ostream>
 
 #include "core/mechanisms/simulate_extended.h"
 #include "core/recording/segments.h"
@@ -81,6 +82,8 @@ double range(const std::vector<double>& y) {
 struct LawCase {
   const char* name;
   MachineBlock block;
+
+  friend void PrintTo(const LawCase& law, std::ostream* out) { *out << law.name; }
 };
 
 /// One of every law, each with something to do.

@@ -10,6 +10,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <ostream>
 
 #include "core/recording/limits.h"
 #include "server/wire/sha256.h"
@@ -162,6 +163,8 @@ struct BadJson {
   const char* text;
   const char* code;
   const char* field;
+
+  friend void PrintTo(const BadJson& bad, std::ostream* out) { *out << bad.code; }
 };
 
 class JsonRecordingRefuses : public testing::TestWithParam<BadJson> {};
