@@ -269,10 +269,15 @@ TEST_F(Cli, ThePageForAPersonGivesTheIntervalOfAParameter) {
 }
 
 // With three good valves every law bends the fit, and friction's own fits end in its wrong valleys: a loop fits better.
+// From play these recordings do not tell it: the two fits differ by two noise variances of 1690.
 TEST_F(Cli, ASpoolThatSticksIsNotCalledALoopWhereFewGoodValvesAreKnown) {
   const Json& discrepancy = analysis_of_sticking()["discrepancy"];
   ASSERT_FALSE(discrepancy["causes"].empty()) << discrepancy["conclusion"];
-  EXPECT_EQ(discrepancy["causes"][0]["cause"], "friction");
+  const Json& cause = discrepancy["causes"][0];
+  EXPECT_NE(cause["cause"], "hysteresis");
+  const Json& rivals = cause["alternatives"];
+  EXPECT_TRUE(cause["cause"] == "friction" || std::find(rivals.begin(), rivals.end(), "friction") != rivals.end())
+      << cause["cause"] << " or " << rivals;
 }
 
 TEST_F(Cli, TheModelOfAnAnalysisSimulatesAndGivesOneRowPerInputRow) {
