@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <span>
 
 #include "core/discrepancy/evidence.h"
@@ -20,6 +21,7 @@ constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 constexpr Index kGroupBlock = 16;
 constexpr int kFewestBlocks = 12;
 constexpr const char* kAtRest = "at rest";
+constexpr const char* kAboveNoise = "above the noise";
 // A stretch of a free run within this share of the range is a rest: what it settles by there is less than noise.
 constexpr double kRestRange = 0.002;
 constexpr double kShortestRest_s = 0.5;
@@ -112,6 +114,20 @@ const LeftoverOnGoodValves* on_good_valves(const std::string& name, const ValveD
   return found == options.leftovers.end() ? nullptr : &*found;
 }
 
+/// What good valves show of it, and how many of them.
+struct GoodValves {
+  const LeftoverOnGoodValves& leftover;
+  int valves = 0;
+};
+
+/// None where a scatter is not known.
+std::optional<GoodValves> good_valves(const std::string& name, const ValveDiagnosisOptions& options) {
+  const LeftoverOnGoodValves* leftover = on_good_valves(name, options);
+  if (!leftover) return std::nullopt;
+  const int valves = leftover->valves.value_or(options.good_valves);
+  return valves < 2 ? std::nullopt : std::optional(GoodValves{*leftover, valves});
+}
+
 Finding left_more(const std::string& where, double statistic, double p_value) {
   return {.what = "more slow residual than any good valve leaves",
           .where = where,
@@ -137,11 +153,9 @@ struct Rarest {
 Rarest rarest_group(std::span<const LeftoverGroup> groups, const ValveDiagnosisOptions& options) {
   Rarest rarest;
   for (const LeftoverGroup& group : groups.subspan(1)) {
-    const LeftoverOnGoodValves* good = on_good_valves(group.group, options);
+    const std::optional<GoodValves> good = good_valves(group.group, options);
     if (!good || !std::isfinite(group.log_ratio)) continue;
-    const int valves = good->valves.value_or(options.good_valves);
-    if (valves < 2) continue;
-    const auto [t, p] = slower_than_good_valves(group.log_ratio, group.blocks, *good, valves);
+    const auto [t, p] = slower_than_good_valves(group.log_ratio, group.blocks, good->leftover, good->valves);
     rarest.add(p);
     if (p < kWorthAFinding) rarest.findings.push_back(left_more(group.group, t, p));
   }
@@ -233,11 +247,9 @@ Leftover leftover_of(const LinearisedValve& linear, const ValveDiagnosisOptions&
   Rarest rarest = rarest_group(groups, options);
   leftover.findings = std::move(rarest.findings);
   for (const UnnamedDirection& direction : unnamed_directions(linear)) {
-    const LeftoverOnGoodValves* good = on_good_valves(direction.name, options);
+    const std::optional<GoodValves> good = good_valves(direction.name, options);
     if (!good || !std::isfinite(direction.evidence)) continue;
-    const int valves = good->valves.value_or(options.good_valves);
-    if (valves < 2) continue;
-    const double p = direction_p_value(direction.evidence, *good, valves);
+    const double p = direction_p_value(direction.evidence, good->leftover, good->valves);
     rarest.add(p);
     if (p >= kWorthAFinding) continue;
     Finding finding = left_more(direction.name, std::sqrt(direction.evidence), p);
@@ -265,6 +277,15 @@ double noise_cost(const Explanation& explanation) {
     cost += static_cast<double>(left.valid_samples()) * std::min(variance, 1.0);
   }
   return std::min(cost, explanation.cost);
+}
+
+std::pair<std::string, double> above_noise_of_good_valve(const Explanation& explanation) {
+  return {kAboveNoise, std::log(explanation.cost / noise_cost(explanation))};
+}
+
+double usual_above_noise(double noise, const ValveDiagnosisOptions& options) {
+  const LeftoverOnGoodValves* known = on_good_valves(kAboveNoise, options);
+  return known ? std::max(0.0, noise * std::expm1(known->mean)) : 0;
 }
 
 }  // namespace valvetriage

@@ -59,4 +59,10 @@ Leftover leftover_of(const LinearisedValve& linear, const ValveDiagnosisOptions&
 /// What noise alone costs in this session.
 double noise_cost(const Explanation& explanation);
 
+/// ln of what a good valve's explanation costs over what noise alone does: as leftovers_of_good_valve, and kept there.
+std::pair<std::string, double> above_noise_of_good_valve(const Explanation& explanation);
+/// What a good valve would cost beyond the noise in a session whose noise costs `noise`: the mean of those the
+/// reference holds; 0 where it tells nothing of it.
+double usual_above_noise(double noise, const ValveDiagnosisOptions& options);
+
 }  // namespace valvetriage

@@ -826,6 +826,7 @@ GoodValveSurvey survey_good_valve(std::span<const Recording> recordings, const V
     seen.causes.push_back({tested.cause(), evidence.value, size});
   }
   seen.leftovers = leftovers_of_good_valve(linear, options);
+  seen.leftovers.push_back(above_noise_of_good_valve(nothing));
   return seen;
 }
 

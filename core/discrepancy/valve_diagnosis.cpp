@@ -18,7 +18,8 @@ namespace {
 constexpr int kRefitSteps = 12;
 // Shares of the time of a diagnosis.
 constexpr double kFirstContest = 0.3, kFurtherContest = 0.1, kReconsidered = 0.65, kConcluded = 0.75;
-// A further cause explains at least this share of what is left above the noise (three in ten, lesson of the pairs).
+// A further cause explains at least this share of what is left beyond what good valves leave (three in ten, lesson of
+// the pairs).
 constexpr double kShareOfASecond = 0.3;
 constexpr int kMostCauses = 3;
 // The first better baseline is found beside a poor one, and may itself be bettered.
@@ -91,10 +92,12 @@ class Diagnosis {
 
   /// A further cause beside those found, where it explains enough of what is left.
   bool add_one(Explanation& explanation) {
-    const double above_floor = explanation.cost - noise_cost(explanation);
+    const double noise = noise_cost(explanation);
+    // What good valves leave as well is none of this valve's faults.
+    const double above_usual = std::max(0.0, explanation.cost - noise - usual_above_noise(noise, options_));
     const double left_of_laws = explanation.problem->sticks(explanation.v) ? kIdealisationOfSlips : kIdealisation;
     const double of_laws = left_of_laws * left_of_laws * (baseline_.cost - explanation.cost);
-    const double least_gain = std::max(kShareOfASecond * above_floor, of_laws);
+    const double least_gain = std::max(kShareOfASecond * above_usual, of_laws);
     Contest next = hold_contest(explanation, options_, least_gain);
     if (!next.best || explanation.cost - next.best->cost < least_gain) {
       unseen_ = odds_of_being_too_small(next, least_gain);

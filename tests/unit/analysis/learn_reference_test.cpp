@@ -78,17 +78,31 @@ TEST(LearnReference, EachSizeSaysHowManyValvesItIsKnownOf) {
   }
 }
 
+const LeftoverOnGoodValves* leftover_of_eight(const std::string& name) {
+  const std::vector<LeftoverOnGoodValves>& known = eight().leftovers;
+  const auto left =
+      std::find_if(known.begin(), known.end(), [&](const LeftoverOnGoodValves& l) { return l.group == name; });
+  return left == known.end() ? nullptr : &*left;
+}
+
 TEST(LearnReference, KnowsHowFarGoodValvesGoAlongWhatNoCauseStandsFor) {
   for (const char* name : {"a delay that grows", "following for seconds"}) {
-    const std::vector<LeftoverOnGoodValves>& known = eight().leftovers;
-    const auto left =
-        std::find_if(known.begin(), known.end(), [&](const LeftoverOnGoodValves& l) { return l.group == name; });
-    ASSERT_NE(left, known.end()) << name;
+    const LeftoverOnGoodValves* left = leftover_of_eight(name);
+    ASSERT_NE(left, nullptr) << name;
     EXPECT_EQ(left->valves, 8) << name;
     // ln(1 + χ²) of noise alone is 0.5 in the mean.
     EXPECT_GT(left->mean, 0) << name;
     EXPECT_LT(left->mean, 2) << name;
   }
+}
+
+TEST(LearnReference, KnowsWhatAGoodValveCostsAboveItsNoise) {
+  const LeftoverOnGoodValves* left = leftover_of_eight("above the noise");
+  ASSERT_NE(left, nullptr);
+  EXPECT_EQ(left->valves, 8);
+  // They are of the fitted structure and leave nothing but their noise.
+  EXPECT_GE(left->mean, 0);
+  EXPECT_LT(left->mean, 0.1);
 }
 
 TEST(LearnReference, TheCovarianceIsPositiveDefinite) {

@@ -7,6 +7,7 @@
 #include <numbers>
 #include <ostream>
 #include <random>
+#include <span>
 
 #include "core/discrepancy/instants.h"
 #include "core/discrepancy/joint_fits.h"
@@ -729,25 +730,50 @@ TEST(ValveDiagnosis, AKindOfMemoryIsNotSettledWhileTheValveKeepsSomeOfAnother) {
   EXPECT_FALSE(leaves("gain_loss", kWide, 9));
 }
 
+/// The session with a spike wherever the input jumps, each of its own size and sign: no law of ours, and too fast to
+/// look slow.
+std::vector<Recording> with_spikes(std::vector<Recording> recordings, double psi_per_a) {
+  std::size_t jumps = 0;
+  for (Recording& recording : recordings) {
+    for (std::size_t i = 1; i < recording.samples(); ++i) {
+      const double step = recording.input.values[i] - recording.input.values[i - 1];
+      recording.output.values[i] += psi_per_a * step * std::sin(1.7 * static_cast<double>(++jumps));
+    }
+  }
+  return recordings;
+}
+
 TEST(ValveDiagnosis, ANameBesideWhichMostIsLeftIsNone) {
-  // Spikes wherever the input jumps, each of its own size and sign: no law of ours, and too fast to look slow.
   const test::MadeValve valve;
   const auto healthy = test::session(valve, kNoise_psi, 5);
   const Population population(healthy, valve);
   const auto offset = with_cause(healthy, population.model(valve), {.cause = "sensor_offset", .parameters = {3}});
-  const auto with_spikes = [&](double psi_per_a) {
-    auto recordings = offset;
-    std::size_t jumps = 0;
-    for (Recording& recording : recordings) {
-      for (std::size_t i = 1; i < recording.samples(); ++i) {
-        const double step = recording.input.values[i] - recording.input.values[i - 1];
-        recording.output.values[i] += psi_per_a * step * std::sin(1.7 * static_cast<double>(++jumps));
-      }
-    }
-    return diagnosed(recordings, population).discrepancy.conclusion;
+  EXPECT_EQ(diagnosed(with_spikes(offset, 10), population).discrepancy.conclusion, Conclusion::kNamed);
+  EXPECT_EQ(diagnosed(with_spikes(offset, 90), population).discrepancy.conclusion, Conclusion::kUnexplained);
+}
+
+TEST(ValveDiagnosis, WhatGoodValvesLeaveAsWellHidesNoSecondCause) {
+  const test::MadeValve valve;
+  const auto healthy = test::session(valve, kNoise_psi, 5);
+  const Population population(healthy, valve);
+  auto spoiled = healthy;
+  for (const MechanismUse& use : {MechanismUse{.cause = "sensor_offset", .parameters = {9}},
+                                  MechanismUse{.cause = "periodic_disturbance", .parameters = {7, 0.12, 1}}}) {
+    spoiled = with_cause(spoiled, population.model(valve), use);
+  }
+  spoiled = with_spikes(spoiled, 20);
+  const auto causes = [&](std::span<const LeftoverOnGoodValves> leftovers) {
+    const auto fit = fit_valve(spoiled, population.options);
+    const ValveDiagnosis found = diagnose_valve(
+        spoiled, *fit,
+        {.fit = population.options, .good_valves = 8, .causes = population.causes, .leftovers = leftovers});
+    std::vector<std::string> names;
+    for (const NamedCause& cause : found.discrepancy.causes) names.push_back(cause.cause);
+    return names;
   };
-  EXPECT_EQ(with_spikes(10), Conclusion::kNamed);
-  EXPECT_EQ(with_spikes(90), Conclusion::kUnexplained);
+  const LeftoverOnGoodValves three_tenths{"above the noise", std::log(1.3), 0.1};
+  EXPECT_EQ(causes({}), std::vector<std::string>{"sensor_offset"});
+  EXPECT_EQ(causes({&three_tenths, 1}), (std::vector<std::string>{"sensor_offset", "periodic_disturbance"}));
 }
 
 const Candidate& candidate(const Discrepancy& discrepancy, const std::string& cause) {
