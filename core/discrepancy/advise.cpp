@@ -11,6 +11,7 @@
 #include "core/linear_algebra/solve.h"
 #include "core/mechanisms/simulate_extended.h"
 #include "core/model/test_plan.h"
+#include "core/recording/intersample.h"
 #include "core/recording/segments.h"
 
 namespace valvetriage {
@@ -24,9 +25,13 @@ constexpr std::size_t kMostAlternatives = 8;
 constexpr double kSettled = 0.95;  // posterior that the contract calls settled
 // Chance of settling the question, or of beating a rival: below, no test of the repertoire is worth its time.
 constexpr double kWorthAsking = 0.05;
+// Chance of settling the question that a second test after the first has to add to be worth its time.
+constexpr double kWorthASecond = 0.1;
 constexpr double kEqual = 0.01;      // tests whose worth differs by a smaller share are equal
 constexpr double kFree = 1e4;        // a freedom of the baseline: so many noise rms per sample that nothing is left
 constexpr double kBiasSamples = 20;  // samples over which a model's bias is one and the same
+// Behind its volume a pressure changes little within this time: what is simulated is compared no more often.
+constexpr double kLooksAtEvery_s = 0.01;
 
 /// One test of the repertoire.
 struct Play {
@@ -85,64 +90,112 @@ std::vector<Play> repertoire(const AdviceOptions& options, const std::string& un
   return plays;
 }
 
-std::optional<VectorXd> simulated(Model model, const Play& play, const AdviceOptions& options) {
+/// A test's input between its samples, made once for all that is simulated on it.
+struct PlayedInput {
+  PlayedInput(const Play& play, double sample_rate_hz)
+      : sample_period_s(1 / sample_rate_hz), samples(play.input.size()) {
+    Recording recording;
+    recording.sample_period_s = sample_period_s;
+    recording.input.values = play.input;
+    recording.segments = find_segments(play.input, sample_period_s);
+    between_samples = input_between_samples(recording);
+  }
+  double sample_period_s;
+  std::size_t samples;
+  IntervalSignal between_samples;
+};
+
+std::optional<VectorXd> simulated(Model model, const PlayedInput& input) {
   std::erase_if(model.mechanisms, [](const MechanismUse& use) { return use.cause == "side_input"; });
-  Recording recording;
-  recording.sample_period_s = 1 / options.sample_rate_hz;
-  recording.input.values = play.input;
-  recording.segments = find_segments(play.input, recording.sample_period_s);
-  const auto y = simulate_extended(model, recording, {});
+  const auto y = simulate_extended(model, input.between_samples, input.sample_period_s, {}, {});
   if (!y) return std::nullopt;
   return Eigen::Map<const VectorXd>(y->data(), static_cast<Index>(y->size()));
 }
 
-/// What a refitted baseline takes up where nothing is known of how open it is: offset, gain, timing, curvature; each as
-/// large as a free parameter needs.
-MatrixXd baseline_freedoms(const VectorXd& y, double noise) {
-  MatrixXd columns(y.size(), 4);
-  const VectorXd centred = y.array() - y.mean();
-  columns.col(0).setOnes();
-  columns.col(1) = centred;
-  columns.col(2).setZero();
-  for (Index i = 1; i + 1 < y.size(); ++i) columns(i, 2) = y(i + 1) - y(i - 1);
-  columns.col(3) = centred.array().square();
-  for (Index k = 0; k < columns.cols(); ++k) {
-    const double norm = columns.col(k).norm();
-    if (norm > 0) columns.col(k) *= kFree * noise / norm;
+/// Where an alternative stands among the columns of `Shown`.
+struct Columns {
+  Index output = 0, slope = 0, square = 0;  ///< the output, its change from sample to sample, its square
+  Index first_loose = 0, loose = 0;         ///< how each of its moved models differs from it
+};
+constexpr Index kOnes = 0;
+
+/// Inner products of all that a test may show, over its samples: two tests one after the other show the sum.
+struct Shown {
+  MatrixXd products;
+  std::size_t samples = 0;
+};
+
+std::vector<Columns> columns_of(std::span<const Alternative* const> alternatives) {
+  std::vector<Columns> columns;
+  Index next = kOnes + 1;
+  for (const Alternative* alternative : alternatives) {
+    const auto loose = static_cast<Index>(alternative->moved.size());
+    columns.push_back({next, next + 1, next + 2, next + 3, loose});
+    next += 3 + loose;
   }
   return columns;
 }
 
-/// An alternative on a test: its output, and by column what may still move.
-struct Run {
-  VectorXd output;
-  MatrixXd loose;
-};
-
-std::optional<Run> run_of(const Alternative& alternative, const Play& play, const AdviceOptions& options) {
-  const auto output = simulated(alternative.model, play, options);
-  if (!output) return std::nullopt;
-  Run run{*output, MatrixXd(output->size(), static_cast<Index>(alternative.moved.size()))};
-  Index column = 0;
-  for (const Model& moved : alternative.moved) {
-    const auto there = simulated(moved, play, options);
-    if (there) run.loose.col(column++) = *there - *output;
+/// Empty where one of them cannot be simulated.
+std::optional<Shown> shown_by(const Play& play, std::span<const Alternative* const> alternatives,
+                              std::span<const Columns> columns, const AdviceOptions& options) {
+  const PlayedInput input(play, options.sample_rate_hz);
+  const auto every = std::max<Index>(1, static_cast<Index>(kLooksAtEvery_s * options.sample_rate_hz));
+  const auto looks =
+      static_cast<Index>((input.samples + static_cast<std::size_t>(every) - 1) / static_cast<std::size_t>(every));
+  MatrixXd seen = MatrixXd::Zero(looks, columns.back().first_loose + columns.back().loose);
+  const auto thinned = [&](const VectorXd& y) { return y(Eigen::seqN(0, looks, every)).eval(); };
+  seen.col(kOnes).setOnes();
+  for (std::size_t a = 0; a < alternatives.size(); ++a) {
+    const auto output = simulated(alternatives[a]->model, input);
+    if (!output) return std::nullopt;
+    VectorXd slope = VectorXd::Zero(output->size());
+    const Index inner = std::max<Index>(output->size() - 2, 0);
+    slope.segment(std::min<Index>(1, output->size()), inner) = output->tail(inner) - output->head(inner);
+    seen.col(columns[a].output) = thinned(*output);
+    seen.col(columns[a].slope) = thinned(slope);
+    seen.col(columns[a].square) = thinned(output->array().square());
+    for (Index k = 0; k < columns[a].loose; ++k) {
+      const auto moved = simulated(alternatives[a]->moved[static_cast<std::size_t>(k)], input);
+      if (moved) seen.col(columns[a].first_loose + k) = thinned(*moved - *output);
+    }
   }
-  run.loose.conservativeResize(Eigen::NoChange, column);
-  return run;
+  MatrixXd products = MatrixXd::Zero(seen.cols(), seen.cols());
+  products.selfadjointView<Eigen::Lower>().rankUpdate(seen.transpose(), static_cast<double>(every));
+  return Shown{products.selfadjointView<Eigen::Lower>(), input.samples};
 }
 
-/// d of two runs by the matrix inversion lemma: σ² d² = Δᵀ Δ − Δᵀ G (σ² I + Gᵀ G)⁻¹ Gᵀ Δ.
-double distance(const Run& a, const Run& b, double noise) {
-  const VectorXd delta = a.output - b.output;
-  const bool is_unknown = a.loose.cols() == 0 || b.loose.cols() == 0;
-  const MatrixXd least = is_unknown ? baseline_freedoms(0.5 * (a.output + b.output), noise) : MatrixXd(delta.size(), 0);
-  MatrixXd g(delta.size(), least.cols() + a.loose.cols() + b.loose.cols());
-  g << least, a.loose, b.loose;
-  MatrixXd inner = g.transpose() * g;
+/// d of two alternatives by the matrix inversion lemma: σ² d² = Δᵀ Δ − Δᵀ G (σ² I + Gᵀ G)⁻¹ Gᵀ Δ. Where nothing is
+/// known of how open one of them is, a refitted baseline takes up offset, gain, timing and curvature.
+double distance(const Shown& shown, const Columns& a, const Columns& b, double noise) {
+  const bool is_unknown = a.loose == 0 || b.loose == 0;
+  std::vector<Index> used{a.output, b.output};
+  if (is_unknown) used.insert(used.end(), {a.slope, b.slope, a.square, b.square, kOnes});
+  const auto outputs = static_cast<Index>(used.size());
+  for (const Columns* each : {&a, &b}) {
+    for (Index k = 0; k < each->loose; ++k) used.push_back(each->first_loose + k);
+  }
+  const MatrixXd products = shown.products(used, used);
+  // Δ, what a baseline takes up, what may move.
+  const Index freedoms = is_unknown ? 4 : 0, loose = a.loose + b.loose;
+  MatrixXd mixed = MatrixXd::Zero(products.rows(), 1 + freedoms + loose);
+  mixed(0, 0) = 1;
+  mixed(1, 0) = -1;
+  if (is_unknown) {
+    for (Index pair = 0; pair < 3; ++pair) mixed.block(2 * pair, 1 + pair, 2, 1).setConstant(0.5);
+    mixed(6, 4) = 1;
+  }
+  mixed.bottomRightCorner(loose, loose) = MatrixXd::Identity(products.rows() - outputs, loose);
+  const MatrixXd all = mixed.transpose() * products * mixed;
+  VectorXd scale = VectorXd::Ones(freedoms + loose);
+  for (Index k = 0; k < freedoms; ++k) {
+    const double norm = std::sqrt(std::max(all(1 + k, 1 + k), 0.0));
+    scale(k) = norm > 0 ? kFree * noise / norm : 0;
+  }
+  const VectorXd seen = scale.cwiseProduct(all.col(0).tail(freedoms + loose));
+  MatrixXd inner = scale.asDiagonal() * all.bottomRightCorner(freedoms + loose, freedoms + loose) * scale.asDiagonal();
   inner.diagonal().array() += noise * noise;
-  const VectorXd seen = g.transpose() * delta;
-  const double squares = delta.squaredNorm() - seen.dot(solve_symmetric(inner, seen));
+  const double squares = all(0, 0) - seen.dot(solve_symmetric(inner, seen));
   return std::sqrt(std::max(squares, 0.0)) / noise;
 }
 
@@ -151,9 +204,9 @@ double normal_below(double z) {
 }
 
 /// Chance that the true one reaches the settling posterior against a rival.
-double beats(double d, std::size_t samples, const Alternative& own, const Alternative& rival,
+double beats(double d, const PlayedTest& test, const Alternative& own, const Alternative& rival,
              const AdviceOptions& options) {
-  const double asked = options.least_log_odds ? options.least_log_odds(own, rival, samples) : 0;
+  const double asked = options.least_log_odds ? options.least_log_odds(own, rival, test) : 0;
   const double odds = std::max(std::log(kSettled / (1 - kSettled) * rival.probability / own.probability), asked);
   if (!std::isfinite(odds)) return 0;
   if (d < 1e-9) return odds <= 0 ? 1 : 0;
@@ -173,71 +226,152 @@ struct Worth {
   double score() const { return expected >= kWorthAsking ? expected : kWorthAsking * told; }
 };
 
-std::optional<Worth> worth_of(std::span<const Alternative* const> rivals, const Play& play,
-                              const AdviceOptions& options) {
-  std::vector<Run> runs;
-  for (const Alternative* rival : rivals) {
-    auto run = run_of(*rival, play, options);
-    if (!run) return std::nullopt;
-    runs.push_back(std::move(*run));
+/// The rivals of a question, and what each test shows of them.
+class Question {
+ public:
+  Question(std::vector<const Alternative*> rivals, const AdviceOptions& options)
+      : options_(options), rivals_(std::move(rivals)), all_(rivals_) {
+    if (options.nothing) all_.push_back(&*options.nothing);
+    columns_ = columns_of(all_);
+    const double bias = options.bias_rms;
+    noise_ = std::sqrt(options.noise_rms * options.noise_rms + kBiasSamples * bias * bias);
   }
-  const double variance = options.noise_rms * options.noise_rms + kBiasSamples * options.bias_rms * options.bias_rms;
-  const double noise = std::sqrt(variance);
-  MatrixXd d = MatrixXd::Zero(static_cast<Index>(runs.size()), static_cast<Index>(runs.size()));
-  Worth worth{.duration_s = static_cast<double>(play.input.size()) / options.sample_rate_hz,
-              .least_distance = std::numeric_limits<double>::infinity()};
-  for (std::size_t i = 0; i < runs.size(); ++i) {
-    for (std::size_t j = 0; j < i; ++j) {
-      const double apart = distance(runs[i], runs[j], noise);
-      d(static_cast<Index>(i), static_cast<Index>(j)) = d(static_cast<Index>(j), static_cast<Index>(i)) = apart;
-      if (apart < worth.least_distance) {
-        worth.least_distance = apart;
-        worth.first = j;
-        worth.second = i;
+
+  std::span<const Alternative* const> rivals() const { return rivals_; }
+  std::optional<Shown> shown(const Play& play) const { return shown_by(play, all_, columns_, options_); }
+
+  Worth worth(const Shown& shown) const {
+    const auto n = static_cast<Index>(rivals_.size());
+    MatrixXd d = MatrixXd::Zero(n, n);
+    Worth worth{.duration_s = static_cast<double>(shown.samples) / options_.sample_rate_hz,
+                .least_distance = std::numeric_limits<double>::infinity()};
+    for (std::size_t i = 0; i < rivals_.size(); ++i) {
+      for (std::size_t j = 0; j < i; ++j) {
+        const double apart = distance(shown, columns_[i], columns_[j], noise_);
+        d(static_cast<Index>(i), static_cast<Index>(j)) = d(static_cast<Index>(j), static_cast<Index>(i)) = apart;
+        if (apart < worth.least_distance) {
+          worth.least_distance = apart;
+          worth.first = j;
+          worth.second = i;
+        }
       }
     }
-  }
-  double total = 0;
-  for (std::size_t i = 0; i < runs.size(); ++i) {
-    double settled = 1, beaten = 0;
-    for (std::size_t j = 0; j < runs.size(); ++j) {
-      if (j == i) continue;
-      const double apart = d(static_cast<Index>(i), static_cast<Index>(j));
-      const double chance = beats(apart, play.input.size(), *rivals[i], *rivals[j], options);
-      settled -= 1 - chance;
-      beaten += chance;
+    double total = 0;
+    for (std::size_t i = 0; i < rivals_.size(); ++i) {
+      PlayedTest test{.samples = shown.samples};
+      if (options_.nothing) test.told = std::pow(distance(shown, columns_[i], columns_.back(), noise_), 2);
+      double settled = 1, beaten = 0;
+      for (std::size_t j = 0; j < rivals_.size(); ++j) {
+        if (j == i) continue;
+        const double apart = d(static_cast<Index>(i), static_cast<Index>(j));
+        const double chance = beats(apart, test, *rivals_[i], *rivals_[j], options_);
+        settled *= chance;
+        beaten += chance;
+      }
+      worth.expected += rivals_[i]->probability * settled;
+      worth.told += rivals_[i]->probability * beaten / static_cast<double>(rivals_.size() - 1);
+      total += rivals_[i]->probability;
+      if (settled >= 0.5) add_single_causes(rivals_[i]->cause, worth.separated);
     }
-    settled = std::max(settled, 0.0);
-    worth.expected += rivals[i]->probability * settled;
-    worth.told += rivals[i]->probability * beaten / static_cast<double>(runs.size() - 1);
-    total += rivals[i]->probability;
-    if (settled < 0.5) continue;
+    worth.expected /= total;
+    worth.told /= total;
+    return worth;
+  }
+
+ private:
+  static void add_single_causes(const std::string& causes, std::set<std::string>& singles) {
     std::string cause;
-    for (const char c : rivals[i]->cause + "+") {
+    for (const char c : causes + "+") {
       if (c != '+') {
         cause += c;
         continue;
       }
-      if (find_mechanism(cause)) worth.separated.insert(cause);
+      if (find_mechanism(cause)) singles.insert(cause);
       cause.clear();
     }
   }
-  worth.expected /= total;
-  worth.told /= total;
-  return worth;
+
+  const AdviceOptions& options_;
+  std::vector<const Alternative*> rivals_, all_;  ///< all: with none of them
+  std::vector<Columns> columns_;
+  double noise_ = 0;
+};
+
+/// A test, what it shows and what that is worth.
+struct Asked {
+  Play play;
+  Shown shown;
+  Worth worth;
+  std::string beside;  ///< what another test is worth
+};
+
+bool is_better(const Worth& a, const Worth& b) {
+  const double more = a.score() - b.score();
+  if (std::abs(more) <= kEqual * std::max(a.score(), b.score())) return a.duration_s < b.duration_s;
+  return more > 0;
 }
 
-NextTest told(const Play& play, const Worth& worth, std::span<const Alternative* const> rivals, double second_best,
-              const AdviceOptions& options) {
+/// One test after the other, in one recording.
+Play joined(const Play& first, const Play& second) {
+  Play both{fmt::format("{}, then {}", first.name, second.name), first.input};
+  both.input.insert(both.input.end(), second.input.begin(), second.input.end());
+  return both;
+}
+
+/// What each test of the repertoire is worth; those that cannot be simulated are left out.
+std::vector<Asked> asked_each(const Question& question, std::vector<Play> plays) {
+  std::vector<Asked> each;
+  for (Play& play : plays) {
+    std::optional<Shown> shown = question.shown(play);
+    if (!shown) continue;
+    const Worth worth = question.worth(*shown);
+    each.push_back({std::move(play), std::move(*shown), worth, {}});
+  }
+  return each;
+}
+
+/// Of all tests the one that is worth most, the shortest of equals.
+std::optional<Asked> best_of(std::span<const Asked> each) {
+  const Asked* best = nullptr;
+  for (const Asked& asked : each) {
+    if (!best || is_better(asked.worth, best->worth)) best = &asked;
+  }
+  if (!best) return std::nullopt;
+  double second_best = 0;
+  for (const Asked& asked : each) {
+    if (&asked != best) second_best = std::max(second_best, asked.worth.expected);
+  }
+  Asked chosen = *best;
+  chosen.beside = fmt::format("the next best test settles with probability {:.2f}", second_best);
+  return chosen;
+}
+
+/// The test, and another one after it where the two settle clearly more than the first alone.
+Asked with_a_second(Asked first, std::span<const Asked> each, const Question& question) {
+  if (first.worth.expected > 1 - kWorthASecond) return first;
+  std::vector<Asked> both;
+  for (const Asked& second : each) {
+    if (second.play.name == first.play.name) continue;
+    Shown shown{first.shown.products + second.shown.products, first.shown.samples + second.shown.samples};
+    const Worth worth = question.worth(shown);
+    both.push_back({joined(first.play, second.play), std::move(shown), worth, {}});
+  }
+  std::optional<Asked> longer = best_of(both);
+  if (!longer || longer->worth.expected < first.worth.expected + kWorthASecond) return first;
+  longer->beside = fmt::format("its first part alone settles with probability {:.2f}", first.worth.expected);
+  return *longer;
+}
+
+NextTest told(const Asked& asked, std::span<const Alternative* const> rivals, const AdviceOptions& options) {
+  const auto& [play, shown, worth, beside] = asked;
   const bool is_current = rivals.front()->model.input_unit == "A";
   NextTest next;
   next.test = play.name;
   next.why = fmt::format(
       "On it {} and {}, the two hardest to tell apart, differ by {:.3g} times the noise, whatever the valve's own "
-      "parameters turn out to be ({:.3g} s at {:g} Hz, noise {:.3g}{}); the next best test settles with probability "
-      "{:.2f}",
+      "parameters turn out to be ({:.3g} s at {:g} Hz, noise {:.3g}{}); {}",
       rivals[worth.first]->cause, rivals[worth.second]->cause, worth.least_distance, worth.duration_s,
-      options.sample_rate_hz, options.noise_rms, is_current ? " psi" : "", second_best);
+      options.sample_rate_hz, options.noise_rms, is_current ? " psi" : "", beside);
   next.separates.assign(worth.separated.begin(), worth.separated.end());
   next.expected_probability = worth.expected;
   next.input_csv = plan_csv(play.input, options.sample_rate_hz, is_current);
@@ -259,34 +393,22 @@ std::vector<const Alternative*> most_probable(std::span<const Alternative> alter
 
 double chance_to_settle(std::span<const Alternative> alternatives, std::vector<double> input,
                         const AdviceOptions& options) {
-  const std::vector<const Alternative*> rivals = most_probable(alternatives);
   const double unknown = std::numeric_limits<double>::quiet_NaN();
+  std::vector<const Alternative*> rivals = most_probable(alternatives);
   if (rivals.size() < 2 || !(options.noise_rms > 0)) return unknown;
-  const auto worth = worth_of(rivals, {.name = {}, .input = std::move(input)}, options);
-  return worth ? worth->expected : unknown;
+  const Question question(std::move(rivals), options);
+  const auto shown = question.shown({.name = {}, .input = std::move(input)});
+  return shown ? question.worth(*shown).expected : unknown;
 }
 
 std::optional<NextTest> advise_next_test(std::span<const Alternative> alternatives, const AdviceOptions& options) {
-  const std::vector<const Alternative*> rivals = most_probable(alternatives);
+  std::vector<const Alternative*> rivals = most_probable(alternatives);
   if (rivals.size() < 2 || !(options.input_high > options.input_low) || !(options.noise_rms > 0)) return std::nullopt;
-
-  const std::vector<Play> plays = repertoire(options, alternatives.front().model.input_unit);
-  std::optional<Worth> best;
-  const Play* chosen = nullptr;
-  double second_best = 0;
-  for (const Play& play : plays) {
-    const auto worth = worth_of(rivals, play, options);
-    if (!worth) continue;
-    const double more = best ? worth->score() - best->score() : 1;
-    const bool is_close = std::abs(more) <= kEqual * std::max(worth->score(), best ? best->score() : 0);
-    const bool is_better = is_close ? worth->duration_s < best->duration_s : more > 0;
-    second_best = std::max(second_best, is_better ? (best ? best->expected : 0) : worth->expected);
-    if (!is_better) continue;
-    best = worth;
-    chosen = &play;
-  }
-  if (!best || best->told < kWorthAsking) return std::nullopt;
-  return told(*chosen, *best, rivals, second_best, options);
+  const Question question(std::move(rivals), options);
+  const std::vector<Asked> each = asked_each(question, repertoire(options, alternatives.front().model.input_unit));
+  std::optional<Asked> best = best_of(each);
+  if (!best || best->worth.told < kWorthAsking) return std::nullopt;
+  return told(with_a_second(std::move(*best), each, question), question.rivals(), options);
 }
 
 }  // namespace valvetriage

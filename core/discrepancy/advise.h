@@ -21,14 +21,21 @@ struct Alternative {
   std::vector<Model> moved;
 };
 
+/// A test as one alternative sees it.
+struct PlayedTest {
+  std::size_t samples = 0;
+  double told = 0;  ///< d² of the alternative and of none of them; 0 where AdviceOptions has no `nothing`
+};
+
 struct AdviceOptions {
   double noise_rms = 0;  ///< of white noise that tells as much as the stand's, unit of the output
   double bias_rms = 0;   ///< of what a right model leaves beside noise; it does not average out with more samples
   double input_low = 0, input_high = 0;  ///< what the stand may play, unit of the input
   double sample_rate_hz = 200;
+  std::optional<Alternative> nothing;  ///< the valve without any of them
   /// ln odds of the true one to a rival that settle the question between them at the least, whatever the posterior,
-  /// after a test of so many samples; infinite where nothing does. Empty: 0.
-  std::function<double(const Alternative& true_one, const Alternative& rival, std::size_t samples)> least_log_odds;
+  /// after a test; infinite where nothing does. Empty: 0.
+  std::function<double(const Alternative& true_one, const Alternative& rival, const PlayedTest& test)> least_log_odds;
 };
 
 /// The test of the stand's repertoire that is expected to tell the alternatives apart best: steps, staircase, triangles
@@ -40,17 +47,19 @@ struct AdviceOptions {
 ///
 /// where the g_k are what a refit may still move: what each alternative's `moved` models do. From d the chance that the
 /// true one reaches a posterior of 0.95, and the odds that are asked for, against a rival is Φ((d²/2 − ln(19 p_j /
-/// p_i)) / d); an alternative is settled if all its rivals are beaten (union bound), and a test's worth is the mean
+/// p_i)) / d); an alternative is settled if all its rivals are beaten (the product of the chances: they share its
+/// noise, so it is hardly more than that, Slepian, Bell System Tech. J. 41 (1962) 463), and a test's worth is the mean
 /// over the alternatives by their probabilities. Where none reaches 0.05, it is the chance that the true one beats a
 /// given rival: of eight alternatives no one test may settle all, and most of them go. Among equals (within a
-/// hundredth) the shortest test is taken.
+/// hundredth) the shortest test is taken. Where it may leave the question open, a second test is played after it in the
+/// same recording, if that adds a tenth to the chance of settling.
 ///
 /// Only the most probable eight alternatives are compared; `none` is one of them where given. A law on a side channel
 /// is left out of the simulations: the channel of a future test is not known.
 ///
 /// returns  empty for fewer than two alternatives, a range without width, or where no test is expected to beat a rival
 ///          with a probability of 0.05
-/// Cost     tests × alternatives × (1 + directions) simulations of 1,000 to 8,000 samples; deterministic
+/// Cost     2 × tests × alternatives × (1 + directions) simulations of 1,000 to 16,000 samples; deterministic
 std::optional<NextTest> advise_next_test(std::span<const Alternative> alternatives, const AdviceOptions& options);
 
 /// The chance that one given test settles the question, weighed as advise_next_test weighs its own; NaN for fewer than

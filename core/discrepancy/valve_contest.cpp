@@ -337,6 +337,11 @@ bool are_kin(const Ranked& a, const Ranked& b) {
   return find_mechanism(a.cause)->family == find_mechanism(b.cause)->family;
 }
 
+/// The share of what a winner removes that a rival removes which is near.
+double margin(const Ranked& winner, const Ranked& rival) {
+  return are_kin(winner, rival) ? kFamilyMargin : kMargin;
+}
+
 /// How many times the mean square that its winner leaves a rival must leave.
 double clearly_more(const Ranked& winner, const Ranked& rival) {
   return are_kin(winner, rival) ? kClearlyMoreInFamily : kClearlyMore;
@@ -451,7 +456,7 @@ void keep_margins(Contest& contest, WinnersFit& fit, const ValveDiagnosisOptions
   };
   for (Ranked& r : ranked) {
     const bool is_kin = are_kin(won, r);
-    const bool is_near = reduction_within_reach(r, ranked) >= (is_kin ? kFamilyMargin : kMargin) * won.reduction;
+    const bool is_near = reduction_within_reach(r, ranked) >= margin(won, r) * won.reduction;
     const bool is_open =
         is_kin && ((is_family_open && r.fitted_jointly) || has_lost_its_way(r, won) || is_matched_by(won, r));
     const bool competes = competes_with(won.cause, r) || does_as_much(won, r);
@@ -640,12 +645,16 @@ double own_excess(const Mechanism& law, const VectorXd& v, const ValveFitOptions
   return parameters[law.size_parameter];
 }
 
-double lead_asked_for(const Ranked& winner, const Ranked& rival, bool leaves_usual, double more_left, double inflation,
-                      const ValveDiagnosisOptions& options) {
-  if (is_never_out(rival, winner)) return std::numeric_limits<double>::infinity();
-  const double told_apart = kLeastEvidence + scatter_between(winner, rival, options);
-  if (leaves_usual) return told_apart;
-  return std::max(told_apart, (clearly_more(winner, rival) - 1) * (winner.left + more_left) / inflation);
+double lead_asked_for(const Ranked& winner, const Ranked& rival, bool leaves_usual, const FurtherRecordings& further,
+                      double inflation, const ValveDiagnosisOptions& options) {
+  const double no_longer_near = (1 - margin(winner, rival)) * (winner.reduction + further.removed) / inflation;
+  if (is_never_out(rival, winner)) return no_longer_near;
+  double told_apart = kLeastEvidence + scatter_between(winner, rival, options);
+  if (!leaves_usual) {
+    const double left = (winner.left + further.left) / inflation;
+    told_apart = std::max(told_apart, (clearly_more(winner, rival) - 1) * left);
+  }
+  return std::min(told_apart, no_longer_near);
 }
 
 bool leaves_memory(const Mechanism& law, const VectorXd& v, const ValveDiagnosisOptions& options) {

@@ -91,13 +91,17 @@ struct UnseenCause {
 /// least_gain  as in `hold_contest`: what lowers the cost by less tells of no cause
 std::vector<UnseenCause> odds_of_being_too_small(const Contest& contest, double least_gain = 0);
 
-/// Inflated noise variances by which a winner has to lead a rival that is as near as this one before it is out;
-/// infinite: no lead settles it.
+/// What further recordings are expected to say of a winner, in noise variances.
+struct FurtherRecordings {
+  double left = 0;     ///< what it leaves there
+  double removed = 0;  ///< what it removes there
+};
+/// Inflated noise variances by which a winner has to lead a rival that is as near as this one before it is out: it is
+/// told apart, or it is no longer near.
 ///
 /// leaves_usual  whether the winner leaves nothing that good valves do not leave
-/// more_left     noise variances that it would leave in further recordings
-double lead_asked_for(const Ranked& winner, const Ranked& rival, bool leaves_usual, double more_left, double inflation,
-                      const ValveDiagnosisOptions& options);
+double lead_asked_for(const Ranked& winner, const Ranked& rival, bool leaves_usual, const FurtherRecordings& further,
+                      double inflation, const ValveDiagnosisOptions& options);
 
 /// What the valve's own loops at v hold beyond good valves' mean of what a law of memory does too [A]; 0 for any other.
 double own_excess(const Mechanism& law, const Eigen::VectorXd& v, const ValveFitOptions& options);

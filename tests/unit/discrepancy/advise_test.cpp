@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <sstream>
 
 #include "core/model/valve_dynamics.h"
 
@@ -79,7 +80,7 @@ TEST(Advise, MoreNoiseTellsLess) {
   const std::vector<Alternative> open{alternative("backlash", {0.0025, 0, 0}, 0.5),
                                       alternative("friction", {0.0025, 0.001, 0.3, 0}, 0.5)};
   AdviceOptions loud = kStand;
-  loud.noise_rms = 8;
+  loud.noise_rms = 25;
   const auto quiet = advise_next_test(open, kStand), drowned = advise_next_test(open, loud);
   ASSERT_TRUE(quiet.has_value());
   EXPECT_GT(quiet->expected_probability, (drowned ? drowned->expected_probability : 0) + 0.1);
@@ -121,6 +122,77 @@ TEST(Advise, WhereNoTestSettlesAllTheOneThatBeatsARivalIsAskedFor) {
   EXPECT_FALSE(advise_next_test(open, kStand));
 }
 
+TEST(Advise, TheChanceToSettleIsThatOfBeatingEveryRival) {
+  const double sizes[] = {0.002, 0.003, 0.004};
+  const auto with_width = [](double width) { return alternative("hysteresis", {width, 0.06, 0}, 0.3); };
+  const std::vector<double> input = [] {
+    std::vector<double> triangle(2000);
+    for (std::size_t i = 0; i < triangle.size(); ++i) {
+      triangle[i] = 1 + static_cast<double>(i < 1000 ? i : 2000 - i) / 1000;
+    }
+    return triangle;
+  }();
+  const auto chance = [&](const std::vector<Alternative>& open) { return chance_to_settle(open, input, kStand); };
+  const std::vector<Alternative> open{with_width(sizes[0]), with_width(sizes[1]), with_width(sizes[2])};
+  const double ab = chance({open[0], open[1]}), ac = chance({open[0], open[2]}), bc = chance({open[1], open[2]});
+  EXPECT_GT(ab, 0.01);
+  EXPECT_LT(ab, 0.9);
+  EXPECT_NEAR(chance(open), (ab * ac + ab * bc + ac * bc) / 3, 1e-6);
+}
+
+std::vector<double> currents_in(const std::string& csv) {
+  std::vector<double> currents;
+  std::istringstream lines(csv);
+  std::string line;
+  for (std::getline(lines, line); std::getline(lines, line);)
+    currents.push_back(std::stod(line.substr(line.find(',') + 1)));
+  return currents;
+}
+
+TEST(Advise, ASecondTestFollowsInTheSameRecordingWhereOneAloneMayLeaveTheQuestionOpen) {
+  const std::vector<Alternative> open{alternative("backlash", {0.0025, 0, 0}, 0.5),
+                                      alternative("friction", {0.0025, 0.001, 0.3, 0}, 0.5)};
+  const auto quiet = advise_next_test(open, kStand);
+  ASSERT_TRUE(quiet);
+  EXPECT_EQ(quiet->test.find(", then "), std::string::npos) << quiet->test;
+  AdviceOptions loud = kStand;
+  loud.noise_rms = 8;
+  const auto both = advise_next_test(open, loud);
+  ASSERT_TRUE(both);
+  EXPECT_NE(both->test.find(", then "), std::string::npos) << both->test;
+  const std::string alone = "its first part alone settles with probability ";
+  const auto at = both->why.find(alone);
+  ASSERT_NE(at, std::string::npos) << both->why;
+  EXPECT_LT(std::stod(both->why.substr(at + alone.size())), both->expected_probability - 0.09);
+  // Each part was weighed from its own rest; the one after the other comes to the same.
+  EXPECT_NEAR(chance_to_settle(open, currents_in(both->input_csv), loud), both->expected_probability, 0.02);
+}
+
+TEST(Advise, TellsHowMuchOfACauseATestShows) {
+  const std::vector<Alternative> open{alternative("extra_lag", {0.02, 0}, 0.5),
+                                      alternative("extra_lag", {0.03, 0}, 0.5)};
+  std::vector<double> told;
+  AdviceOptions options = kStand;
+  options.least_log_odds = [&](const Alternative&, const Alternative&, const PlayedTest& test) {
+    told.push_back(test.told);
+    return 0.0;
+  };
+  const std::vector<double> step = [] {
+    std::vector<double> current(400, 1.2);
+    std::fill(current.begin() + 100, current.end(), 1.6);
+    return current;
+  }();
+  chance_to_settle(open, step, options);
+  ASSERT_EQ(told.size(), 2u);
+  EXPECT_EQ(told[0], 0);
+  EXPECT_EQ(told[1], 0);
+  options.nothing = alternative("none", {}, 0);
+  chance_to_settle(open, step, options);
+  ASSERT_EQ(told.size(), 4u);
+  EXPECT_GT(told[2], 100);
+  EXPECT_GT(told[3], 1.5 * told[2]);  // of the larger lag more
+}
+
 TEST(Advise, IsTheSameEveryTime) {
   const std::vector<Alternative> open{alternative("backlash", {0.01, 0, 0}, 0.5),
                                       alternative("friction", {0.01, 0.006, 0.3, 0}, 0.5)};
@@ -134,7 +206,7 @@ TEST(Advise, WhatIsAskedForBesideThePosteriorMakesATestSettleLess) {
   const std::vector<Alternative> open{alternative("gain_loss", {0.998}, 0.5), alternative("none", {}, 0.5)};
   const auto chance = [&](double least_log_odds) {
     AdviceOptions options = kStand;
-    options.least_log_odds = [=](const Alternative&, const Alternative&, std::size_t) { return least_log_odds; };
+    options.least_log_odds = [=](const Alternative&, const Alternative&, const PlayedTest&) { return least_log_odds; };
     const auto next = advise_next_test(open, options);
     return next ? next->expected_probability : 0;
   };
@@ -147,7 +219,7 @@ TEST(Advise, PromisesNothingForACauseWhoseRivalNoLeadSettles) {
   const auto chance = [&](bool is_asked) {
     AdviceOptions options = kStand;
     if (is_asked) {
-      options.least_log_odds = [](const Alternative& true_one, const Alternative&, std::size_t) {
+      options.least_log_odds = [](const Alternative& true_one, const Alternative&, const PlayedTest&) {
         return true_one.cause == "none" ? std::numeric_limits<double>::infinity() : 0.0;
       };
     }

@@ -899,6 +899,22 @@ TEST(ValveDiagnosis, WhatAllGoodValvesHaveToTheLastDigitStiffensNothingBesideIt)
   EXPECT_GT(std::abs(candidate(none, "sensor_offset").upper_limit95.at("offset_psi")), 0.04);
 }
 
+TEST(LeadAskedFor, LeavesARivalBehindThatIsToldApartOrNoLongerNear) {
+  const Ranked leak{.cause = "leakage", .reduction = 1000, .left = 500};
+  const Ranked curve{.cause = "static_curve", .reduction = 950};
+  Ranked friction{.cause = "friction", .reduction = 950, .sticks = true};
+  const auto lead = [&](const Ranked& rival, bool leaves_usual, const FurtherRecordings& further) {
+    return lead_asked_for(leak, rival, leaves_usual, further, 2, {.good_valves = 8, .causes = {}, .leftovers = {}});
+  };
+  // Five sixths of what the winner removes are near, and a rival must leave 1.44 times what it leaves.
+  EXPECT_NEAR(lead(curve, true, {}), kLeastEvidence, 1e-9);
+  EXPECT_NEAR(lead(curve, false, {}), 1000.0 / 6 / 2, 1e-9);
+  EXPECT_NEAR(lead(curve, false, {.removed = 2000}), 0.44 * 500 / 2, 1e-9);
+  EXPECT_NEAR(lead(curve, false, {.left = 200, .removed = 2000}), 0.44 * 700 / 2, 1e-9);
+  // Where free runs stick a worse fit may not be the best one: nothing but a distance puts it out.
+  EXPECT_NEAR(lead(friction, true, {.removed = 2000}), 3000.0 / 6 / 2, 1e-9);
+}
+
 TEST(KeepAsRival, GivesACauseAShareAndLeavesASumOfOne) {
   std::vector<Ranked> ranked(2);
   ranked[0] = {.cause = "friction", .probability = 1};
