@@ -242,36 +242,26 @@ class Question {
 
   Worth worth(const Shown& shown) const {
     const auto n = static_cast<Index>(rivals_.size());
-    MatrixXd d = MatrixXd::Zero(n, n);
+    MatrixXd apart = MatrixXd::Zero(n, n);
     Worth worth{.duration_s = static_cast<double>(shown.samples) / options_.sample_rate_hz,
                 .least_distance = std::numeric_limits<double>::infinity()};
-    for (std::size_t i = 0; i < rivals_.size(); ++i) {
-      for (std::size_t j = 0; j < i; ++j) {
-        const double apart = distance(shown, columns_[i], columns_[j], noise_);
-        d(static_cast<Index>(i), static_cast<Index>(j)) = d(static_cast<Index>(j), static_cast<Index>(i)) = apart;
-        if (apart < worth.least_distance) {
-          worth.least_distance = apart;
-          worth.first = j;
-          worth.second = i;
-        }
+    for (Index i = 0; i < n; ++i) {
+      for (Index j = 0; j < i; ++j) {
+        apart(i, j) = apart(j, i) = distance(shown, columns_of_rival(i), columns_of_rival(j), noise_);
+        if (!(apart(i, j) < worth.least_distance)) continue;
+        worth.least_distance = apart(i, j);
+        worth.first = static_cast<std::size_t>(j);
+        worth.second = static_cast<std::size_t>(i);
       }
     }
     double total = 0;
-    for (std::size_t i = 0; i < rivals_.size(); ++i) {
-      PlayedTest test{.samples = shown.samples};
-      if (options_.nothing) test.told = std::pow(distance(shown, columns_[i], columns_.back(), noise_), 2);
-      double settled = 1, beaten = 0;
-      for (std::size_t j = 0; j < rivals_.size(); ++j) {
-        if (j == i) continue;
-        const double apart = d(static_cast<Index>(i), static_cast<Index>(j));
-        const double chance = beats(apart, test, *rivals_[i], *rivals_[j], options_);
-        settled *= chance;
-        beaten += chance;
-      }
-      worth.expected += rivals_[i]->probability * settled;
-      worth.told += rivals_[i]->probability * beaten / static_cast<double>(rivals_.size() - 1);
-      total += rivals_[i]->probability;
-      if (settled >= 0.5) add_single_causes(rivals_[i]->cause, worth.separated);
+    for (Index i = 0; i < n; ++i) {
+      const Alternative& own = rival(i);
+      const auto [settled, beaten] = chances(shown, i, apart.row(i));
+      worth.expected += own.probability * settled;
+      worth.told += own.probability * beaten;
+      total += own.probability;
+      if (settled >= 0.5) add_single_causes(own.cause, worth.separated);
     }
     worth.expected /= total;
     worth.told /= total;
@@ -279,6 +269,25 @@ class Question {
   }
 
  private:
+  struct Chances {
+    double settled = 1;  ///< that all its rivals are beaten
+    double beaten = 0;   ///< that a given one is
+  };
+  /// apart  the distance of the i-th from each
+  Chances chances(const Shown& shown, Index i, const Eigen::RowVectorXd& apart) const {
+    PlayedTest test{.samples = shown.samples};
+    if (options_.nothing) test.told = std::pow(distance(shown, columns_of_rival(i), columns_.back(), noise_), 2);
+    Chances chances;
+    for (Index j = 0; j < apart.size(); ++j) {
+      if (j == i) continue;
+      const double chance = beats(apart(j), test, rival(i), rival(j), options_);
+      chances.settled *= chance;
+      chances.beaten += chance / static_cast<double>(apart.size() - 1);
+    }
+    return chances;
+  }
+  const Alternative& rival(Index i) const { return *rivals_[static_cast<std::size_t>(i)]; }
+  const Columns& columns_of_rival(Index i) const { return columns_[static_cast<std::size_t>(i)]; }
   static void add_single_causes(const std::string& causes, std::set<std::string>& singles) {
     std::string cause;
     for (const char c : causes + "+") {

@@ -436,11 +436,6 @@ std::optional<NextTest> next_test(const Grounds& grounds, const std::vector<Name
   double variance = 0, samples = 0, period_s = std::numeric_limits<double>::infinity();
   for (std::size_t r = 0; r < problem.recordings(); ++r) {
     const Recording& recording = problem.recording(r);
-    for (std::size_t i = 0; i < recording.samples(); ++i) {
-      if (!recording.is_valid(i)) continue;
-      advice.input_low = std::min(advice.input_low, recording.input.values[i]);
-      advice.input_high = std::max(advice.input_high, recording.input.values[i]);
-    }
     const auto n = static_cast<double>(recording.valid_samples());
     variance += n / problem.inverse_variance(r);
     samples += n;

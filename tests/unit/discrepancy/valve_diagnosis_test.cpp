@@ -915,6 +915,25 @@ TEST(LeadAskedFor, LeavesARivalBehindThatIsToldApartOrNoLongerNear) {
   EXPECT_NEAR(lead(friction, true, {.removed = 2000}), 3000.0 / 6 / 2, 1e-9);
 }
 
+TEST(ValveDiagnosis, AsksForATestOverTheRangeOfGoodValvesAndNotOfTheOneStepThatThereIs) {
+  const test::MadeValve valve;
+  const auto healthy = test::session(valve, kNoise_psi, 5);
+  const Population population(healthy, valve);
+  const std::vector<Recording> one_step{test::step_to(valve, 1.6, kNoise_psi, 5)};
+  const auto spoiled = with_cause(one_step, population.model(valve), {.cause = "gain_loss", .parameters = {0.9}});
+  const Discrepancy found = diagnosed(spoiled, population).discrepancy;
+  EXPECT_EQ(found.conclusion, Conclusion::kAmbiguous);
+  ASSERT_TRUE(found.next_test);
+  EXPECT_GT(found.next_test->expected_probability, 0.5);
+  double highest = 0;
+  for (std::size_t at = found.next_test->input_csv.find(','); at != std::string::npos;
+       at = found.next_test->input_csv.find(',', at + 1)) {
+    highest = std::max(highest, std::strtod(found.next_test->input_csv.c_str() + at + 1, nullptr));
+  }
+  EXPECT_GT(highest, 1.75);  // good valves have been to 2.1 A
+  EXPECT_LE(highest, population.options.knots.back());
+}
+
 TEST(KeepAsRival, GivesACauseAShareAndLeavesASumOfOne) {
   std::vector<Ranked> ranked(2);
   ranked[0] = {.cause = "friction", .probability = 1};
