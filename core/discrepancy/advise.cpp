@@ -327,14 +327,18 @@ Play joined(const Play& first, const Play& second) {
   return both;
 }
 
-/// What each test of the repertoire is worth; those that cannot be simulated are left out.
+/// What each test of the repertoire is worth, the shortest first, up to one that no longer one can better; those that
+/// cannot be simulated are left out.
 std::vector<Asked> asked_each(const Question& question, std::vector<Play> plays) {
+  std::stable_sort(plays.begin(), plays.end(),
+                   [](const Play& a, const Play& b) { return a.input.size() < b.input.size(); });
   std::vector<Asked> each;
   for (Play& play : plays) {
     std::optional<Shown> shown = question.shown(play);
     if (!shown) continue;
     const Worth worth = question.worth(*shown);
     each.push_back({std::move(play), std::move(*shown), worth, {}});
+    if (worth.expected > 1 - kEqual) break;
   }
   return each;
 }
@@ -351,7 +355,9 @@ std::optional<Asked> best_of(std::span<const Asked> each) {
     if (&asked != best) second_best = std::max(second_best, asked.worth.expected);
   }
   Asked chosen = *best;
-  chosen.beside = fmt::format("the next best test settles with probability {:.2f}", second_best);
+  chosen.beside = chosen.worth.expected > 1 - kEqual
+                      ? "no longer test settles more"
+                      : fmt::format("the next best test settles with probability {:.2f}", second_best);
   return chosen;
 }
 

@@ -149,6 +149,16 @@ std::vector<double> currents_in(const std::string& csv) {
   return currents;
 }
 
+TEST(Advise, TheShortestThatSettlesEverythingIsAskedFor) {
+  const std::vector<Alternative> open{alternative("gain_loss", {0.7}, 0.5, {0.001}),
+                                      alternative("hysteresis", {0.2, 0.06, 0}, 0.5, {0.001, 0, 0})};
+  const auto next = advise_next_test(open, kStand);
+  ASSERT_TRUE(next);
+  EXPECT_GT(next->expected_probability, 0.999);
+  EXPECT_EQ(next->test, "triangle from 1 to 2 A and back in 3 s");
+  EXPECT_NE(next->why.find("no longer test settles more"), std::string::npos) << next->why;
+}
+
 TEST(Advise, ASecondTestFollowsInTheSameRecordingWhereOneAloneMayLeaveTheQuestionOpen) {
   const std::vector<Alternative> open{alternative("backlash", {0.0025, 0, 0}, 0.5),
                                       alternative("friction", {0.0025, 0.001, 0.3, 0}, 0.5)};
