@@ -28,10 +28,11 @@ constexpr double kWorthAsking = 0.05;
 // Chance of settling the question that a second test after the first has to add to be worth its time.
 constexpr double kWorthASecond = 0.1;
 constexpr double kEqual = 0.01;      // tests whose worth differs by a smaller share are equal
-constexpr double kFree = 1e4;        // a freedom of the baseline: so many noise rms per sample that nothing is left
 constexpr double kBiasSamples = 20;  // samples over which a model's bias is one and the same
-// Behind its volume a pressure changes little within this time: what is simulated is compared no more often.
-constexpr double kLooksAtEvery_s = 0.01;
+// What is simulated of a longer test is compared at every second, third... sample: a bound on memory, far above 200 Hz.
+constexpr std::size_t kMostLooks = 20000;
+// A freedom that the ones before it have taken up but for this share of its square is none.
+constexpr double kTakenUp = 1e-14;
 
 /// One test of the repertoire.
 struct Play {
@@ -112,91 +113,93 @@ std::optional<VectorXd> simulated(Model model, const PlayedInput& input) {
   return Eigen::Map<const VectorXd>(y->data(), static_cast<Index>(y->size()));
 }
 
-/// Where an alternative stands among the columns of `Shown`.
+/// Columns of `Products`: those of the first alternative's output, which the others are measured from, and by
+/// alternative its output's difference from that and how each of its moved models differs from it.
+enum Shared : Index { kOnes, kOutput, kSlope, kSquare, kSharedColumns };
 struct Columns {
-  Index output = 0, slope = 0, square = 0;  ///< the output, its change from sample to sample, its square
-  Index first_loose = 0, loose = 0;         ///< how each of its moved models differs from it
-};
-constexpr Index kOnes = 0;
-
-/// Inner products of all that a test may show, over its samples: two tests one after the other show the sum.
-struct Shown {
-  MatrixXd products;
-  std::size_t samples = 0;
+  Index difference = 0, first_loose = 0, loose = 0;
 };
 
 std::vector<Columns> columns_of(std::span<const Alternative* const> alternatives) {
   std::vector<Columns> columns;
-  Index next = kOnes + 1;
+  Index next = kSharedColumns;
   for (const Alternative* alternative : alternatives) {
     const auto loose = static_cast<Index>(alternative->moved.size());
-    columns.push_back({next, next + 1, next + 2, next + 3, loose});
-    next += 3 + loose;
+    columns.push_back({next, next + 1, loose});
+    next += 1 + loose;
   }
   return columns;
 }
 
+/// Inner products of all that a test may show, over its samples: two tests one after the other show the sum.
+struct Products {
+  MatrixXd of;
+  std::size_t samples = 0;
+};
+
 /// Empty where one of them cannot be simulated.
-std::optional<Shown> shown_by(const Play& play, std::span<const Alternative* const> alternatives,
-                              std::span<const Columns> columns, const AdviceOptions& options) {
+std::optional<Products> products_on(const Play& play, std::span<const Alternative* const> alternatives,
+                                    std::span<const Columns> columns, const AdviceOptions& options) {
   const PlayedInput input(play, options.sample_rate_hz);
-  const auto every = std::max<Index>(1, static_cast<Index>(kLooksAtEvery_s * options.sample_rate_hz));
-  const auto looks =
-      static_cast<Index>((input.samples + static_cast<std::size_t>(every) - 1) / static_cast<std::size_t>(every));
+  const auto every = static_cast<Index>(1 + input.samples / kMostLooks);
+  const Index looks = (static_cast<Index>(input.samples) + every - 1) / every;
   MatrixXd seen = MatrixXd::Zero(looks, columns.back().first_loose + columns.back().loose);
-  const auto thinned = [&](const VectorXd& y) { return y(Eigen::seqN(0, looks, every)).eval(); };
-  seen.col(kOnes).setOnes();
+  const auto show = [&](Index column, const VectorXd& y) { seen.col(column) = y(Eigen::seqN(0, looks, every)); };
+  VectorXd first;
   for (std::size_t a = 0; a < alternatives.size(); ++a) {
     const auto output = simulated(alternatives[a]->model, input);
     if (!output) return std::nullopt;
-    VectorXd slope = VectorXd::Zero(output->size());
-    const Index inner = std::max<Index>(output->size() - 2, 0);
-    slope.segment(std::min<Index>(1, output->size()), inner) = output->tail(inner) - output->head(inner);
-    seen.col(columns[a].output) = thinned(*output);
-    seen.col(columns[a].slope) = thinned(slope);
-    seen.col(columns[a].square) = thinned(output->array().square());
+    if (a == 0) {
+      first = *output;
+      VectorXd slope = VectorXd::Zero(first.size());
+      const Index inner = std::max<Index>(first.size() - 2, 0);
+      slope.segment(std::min<Index>(1, first.size()), inner) = first.tail(inner) - first.head(inner);
+      seen.col(kOnes).setOnes();
+      show(kOutput, first);
+      show(kSlope, slope);
+      show(kSquare, first.array().square());
+    }
+    show(columns[a].difference, *output - first);
     for (Index k = 0; k < columns[a].loose; ++k) {
       const auto moved = simulated(alternatives[a]->moved[static_cast<std::size_t>(k)], input);
-      if (moved) seen.col(columns[a].first_loose + k) = thinned(*moved - *output);
+      if (moved) show(columns[a].first_loose + k, *moved - *output);
     }
   }
-  MatrixXd products = MatrixXd::Zero(seen.cols(), seen.cols());
-  products.selfadjointView<Eigen::Lower>().rankUpdate(seen.transpose(), static_cast<double>(every));
-  return Shown{products.selfadjointView<Eigen::Lower>(), input.samples};
+  MatrixXd of = MatrixXd::Zero(seen.cols(), seen.cols());
+  of.selfadjointView<Eigen::Lower>().rankUpdate(seen.transpose(), static_cast<double>(every));
+  return Products{of.selfadjointView<Eigen::Lower>(), input.samples};
+}
+
+/// The products of what is left of all columns beside one of them.
+void take_out(Index column, double least, MatrixXd& products) {
+  const double square = products(column, column);
+  if (!(square > least)) return;
+  const VectorXd with = products.col(column);
+  products -= with * with.transpose() / square;
 }
 
 /// d of two alternatives by the matrix inversion lemma: σ² d² = Δᵀ Δ − Δᵀ G (σ² I + Gᵀ G)⁻¹ Gᵀ Δ. Where nothing is
-/// known of how open one of them is, a refitted baseline takes up offset, gain, timing and curvature.
-double distance(const Shown& shown, const Columns& a, const Columns& b, double noise) {
-  const bool is_unknown = a.loose == 0 || b.loose == 0;
-  std::vector<Index> used{a.output, b.output};
-  if (is_unknown) used.insert(used.end(), {a.slope, b.slope, a.square, b.square, kOnes});
-  const auto outputs = static_cast<Index>(used.size());
+/// known of how open one of them is, a refitted baseline takes up offset, gain, timing and curvature, whatever they
+/// are.
+double distance(const Products& products, const Columns& a, const Columns& b, double noise) {
+  std::vector<Index> used{a.difference, b.difference};
   for (const Columns* each : {&a, &b}) {
     for (Index k = 0; k < each->loose; ++k) used.push_back(each->first_loose + k);
   }
-  const MatrixXd products = shown.products(used, used);
-  // Δ, what a baseline takes up, what may move.
-  const Index freedoms = is_unknown ? 4 : 0, loose = a.loose + b.loose;
-  MatrixXd mixed = MatrixXd::Zero(products.rows(), 1 + freedoms + loose);
-  mixed(0, 0) = 1;
-  mixed(1, 0) = -1;
-  if (is_unknown) {
-    for (Index pair = 0; pair < 3; ++pair) mixed.block(2 * pair, 1 + pair, 2, 1).setConstant(0.5);
-    mixed(6, 4) = 1;
-  }
-  mixed.bottomRightCorner(loose, loose) = MatrixXd::Identity(products.rows() - outputs, loose);
-  const MatrixXd all = mixed.transpose() * products * mixed;
-  VectorXd scale = VectorXd::Ones(freedoms + loose);
-  for (Index k = 0; k < freedoms; ++k) {
-    const double norm = std::sqrt(std::max(all(1 + k, 1 + k), 0.0));
-    scale(k) = norm > 0 ? kFree * noise / norm : 0;
-  }
-  const VectorXd seen = scale.cwiseProduct(all.col(0).tail(freedoms + loose));
-  MatrixXd inner = scale.asDiagonal() * all.bottomRightCorner(freedoms + loose, freedoms + loose) * scale.asDiagonal();
+  const bool is_unknown = a.loose == 0 || b.loose == 0;
+  const auto of_both = static_cast<Index>(used.size());
+  if (is_unknown) used.insert(used.end(), {kOnes, kOutput, kSlope, kSquare});
+  MatrixXd of = products.of(used, used);
+  of.row(0) -= of.row(1).eval();
+  of.col(0) -= of.col(1).eval();
+  const VectorXd squares = of.diagonal();
+  for (Index k = of_both; k < of.rows(); ++k) take_out(k, kTakenUp * squares(k), of);
+  const Index loose = a.loose + b.loose;
+  MatrixXd inner = of.block(2, 2, loose, loose);
   inner.diagonal().array() += noise * noise;
-  const double squares = all(0, 0) - seen.dot(solve_symmetric(inner, seen));
-  return std::sqrt(std::max(squares, 0.0)) / noise;
+  const VectorXd seen = of.col(0).segment(2, loose);
+  const double left = of(0, 0) - seen.dot(solve_symmetric(inner, seen));
+  return std::sqrt(std::max(left, 0.0)) / noise;
 }
 
 double normal_below(double z) {
@@ -216,14 +219,14 @@ double beats(double d, const PlayedTest& test, const Alternative& own, const Alt
 /// What one test is worth.
 struct Worth {
   double expected = 0;  ///< chance that it settles the question
-  double told = 0;      ///< chance that the true alternative beats a given rival
+  double beaten = 0;    ///< chance that the true alternative beats a given rival
   double duration_s = 0;
   std::set<std::string> separated;    ///< single causes that it is likely to settle
   std::size_t first = 0, second = 1;  ///< the pair hardest to tell apart
   double least_distance = 0;
 
   /// By which tests are chosen: where none is likely to settle the question, the one that leaves the least of it open.
-  double score() const { return expected >= kWorthAsking ? expected : kWorthAsking * told; }
+  double score() const { return expected >= kWorthAsking ? expected : kWorthAsking * beaten; }
 };
 
 /// The rivals of a question, and what each test shows of them.
@@ -238,16 +241,16 @@ class Question {
   }
 
   std::span<const Alternative* const> rivals() const { return rivals_; }
-  std::optional<Shown> shown(const Play& play) const { return shown_by(play, all_, columns_, options_); }
+  std::optional<Products> products(const Play& play) const { return products_on(play, all_, columns_, options_); }
 
-  Worth worth(const Shown& shown) const {
+  Worth worth_of(const Products& products) const {
     const auto n = static_cast<Index>(rivals_.size());
     MatrixXd apart = MatrixXd::Zero(n, n);
-    Worth worth{.duration_s = static_cast<double>(shown.samples) / options_.sample_rate_hz,
+    Worth worth{.duration_s = static_cast<double>(products.samples) / options_.sample_rate_hz,
                 .least_distance = std::numeric_limits<double>::infinity()};
     for (Index i = 0; i < n; ++i) {
       for (Index j = 0; j < i; ++j) {
-        apart(i, j) = apart(j, i) = distance(shown, columns_of_rival(i), columns_of_rival(j), noise_);
+        apart(i, j) = apart(j, i) = distance(products, columns_of_rival(i), columns_of_rival(j), noise_);
         if (!(apart(i, j) < worth.least_distance)) continue;
         worth.least_distance = apart(i, j);
         worth.first = static_cast<std::size_t>(j);
@@ -257,14 +260,14 @@ class Question {
     double total = 0;
     for (Index i = 0; i < n; ++i) {
       const Alternative& own = rival(i);
-      const auto [settled, beaten] = chances(shown, i, apart.row(i));
+      const auto [settled, beaten] = chances_of(i, apart.row(i), products);
       worth.expected += own.probability * settled;
-      worth.told += own.probability * beaten;
+      worth.beaten += own.probability * beaten;
       total += own.probability;
       if (settled >= 0.5) add_single_causes(own.cause, worth.separated);
     }
     worth.expected /= total;
-    worth.told /= total;
+    worth.beaten /= total;
     return worth;
   }
 
@@ -274,9 +277,12 @@ class Question {
     double beaten = 0;   ///< that a given one is
   };
   /// apart  the distance of the i-th from each
-  Chances chances(const Shown& shown, Index i, const Eigen::RowVectorXd& apart) const {
-    PlayedTest test{.samples = shown.samples};
-    if (options_.nothing) test.told = std::pow(distance(shown, columns_of_rival(i), columns_.back(), noise_), 2);
+  Chances chances_of(Index i, const Eigen::RowVectorXd& apart, const Products& products) const {
+    PlayedTest test{.samples = products.samples};
+    if (options_.nothing) {
+      const double from_nothing = distance(products, columns_of_rival(i), columns_.back(), noise_);
+      test.removed = std::pow(from_nothing * noise_ / options_.noise_rms, 2);
+    }
     Chances chances;
     for (Index j = 0; j < apart.size(); ++j) {
       if (j == i) continue;
@@ -309,15 +315,23 @@ class Question {
 /// A test, what it shows and what that is worth.
 struct Asked {
   Play play;
-  Shown shown;
+  Products products;
   Worth worth;
   std::string beside;  ///< what another test is worth
 };
 
-bool is_better(const Worth& a, const Worth& b) {
-  const double more = a.score() - b.score();
-  if (std::abs(more) <= kEqual * std::max(a.score(), b.score())) return a.duration_s < b.duration_s;
-  return more > 0;
+bool settles_all(const Worth& worth) {
+  return worth.expected > 1 - kEqual;
+}
+
+/// Of tests in the order of their length the one that is worth most, the shortest of equals; null for none.
+const Asked* best_of(std::span<const Asked> each) {
+  const Asked* best = nullptr;
+  for (const Asked& asked : each) {
+    const double score = asked.worth.score();
+    if (std::isfinite(score) && (!best || score - best->worth.score() > kEqual * score)) best = &asked;
+  }
+  return best;
 }
 
 /// One test after the other, in one recording.
@@ -334,51 +348,49 @@ std::vector<Asked> asked_each(const Question& question, std::vector<Play> plays)
                    [](const Play& a, const Play& b) { return a.input.size() < b.input.size(); });
   std::vector<Asked> each;
   for (Play& play : plays) {
-    std::optional<Shown> shown = question.shown(play);
-    if (!shown) continue;
-    const Worth worth = question.worth(*shown);
-    each.push_back({std::move(play), std::move(*shown), worth, {}});
-    if (worth.expected > 1 - kEqual) break;
+    std::optional<Products> products = question.products(play);
+    if (!products) continue;
+    const Worth worth = question.worth_of(*products);
+    each.push_back({std::move(play), std::move(*products), worth, {}});
+    if (settles_all(worth)) break;
   }
   return each;
 }
 
-/// Of all tests the one that is worth most, the shortest of equals.
-std::optional<Asked> best_of(std::span<const Asked> each) {
-  const Asked* best = nullptr;
+std::string beside(const Asked& chosen, std::span<const Asked> each) {
+  if (settles_all(chosen.worth)) return "no longer test settles more";
+  double next = 0;
   for (const Asked& asked : each) {
-    if (!best || is_better(asked.worth, best->worth)) best = &asked;
+    if (&asked != &chosen) next = std::max(next, asked.worth.expected);
   }
-  if (!best) return std::nullopt;
-  double second_best = 0;
-  for (const Asked& asked : each) {
-    if (&asked != best) second_best = std::max(second_best, asked.worth.expected);
-  }
-  Asked chosen = *best;
-  chosen.beside = chosen.worth.expected > 1 - kEqual
-                      ? "no longer test settles more"
-                      : fmt::format("the next best test settles with probability {:.2f}", second_best);
-  return chosen;
+  return fmt::format("the next best test settles with probability {:.2f}", next);
 }
 
 /// The test, and another one after it where the two settle clearly more than the first alone.
-Asked with_a_second(Asked first, std::span<const Asked> each, const Question& question) {
-  if (first.worth.expected > 1 - kWorthASecond) return first;
+Asked with_a_second(const Asked& first, std::span<const Asked> each, const Question& question) {
+  Asked alone = first;
+  alone.beside = beside(first, each);
+  if (first.worth.expected > 1 - kWorthASecond) return alone;
   std::vector<Asked> both;
   for (const Asked& second : each) {
-    if (second.play.name == first.play.name) continue;
-    Shown shown{first.shown.products + second.shown.products, first.shown.samples + second.shown.samples};
-    const Worth worth = question.worth(shown);
-    both.push_back({joined(first.play, second.play), std::move(shown), worth, {}});
+    if (&second == &first) continue;
+    Products sum{first.products.of + second.products.of, first.products.samples + second.products.samples};
+    const Worth worth = question.worth_of(sum);
+    both.push_back({joined(first.play, second.play), std::move(sum), worth, {}});
   }
-  std::optional<Asked> longer = best_of(both);
-  if (!longer || longer->worth.expected < first.worth.expected + kWorthASecond) return first;
-  longer->beside = fmt::format("its first part alone settles with probability {:.2f}", first.worth.expected);
-  return *longer;
+  const Asked* best = best_of(both);
+  if (!best) return alone;
+  // Chosen as if each began at rest; what is stated is of the one after the other.
+  const std::optional<Products> products = question.products(best->play);
+  if (!products) return alone;
+  Asked longer{best->play, *products, question.worth_of(*products), {}};
+  if (longer.worth.expected < first.worth.expected + kWorthASecond) return alone;
+  longer.beside = fmt::format("its first part alone settles with probability {:.2f}", first.worth.expected);
+  return longer;
 }
 
-NextTest told(const Asked& asked, std::span<const Alternative* const> rivals, const AdviceOptions& options) {
-  const auto& [play, shown, worth, beside] = asked;
+NextTest as_next_test(const Asked& asked, std::span<const Alternative* const> rivals, const AdviceOptions& options) {
+  const auto& [play, products, worth, beside] = asked;
   const bool is_current = rivals.front()->model.input_unit == "A";
   NextTest next;
   next.test = play.name;
@@ -412,8 +424,8 @@ double chance_to_settle(std::span<const Alternative> alternatives, std::vector<d
   std::vector<const Alternative*> rivals = most_probable(alternatives);
   if (rivals.size() < 2 || !(options.noise_rms > 0)) return unknown;
   const Question question(std::move(rivals), options);
-  const auto shown = question.shown({.name = {}, .input = std::move(input)});
-  return shown ? question.worth(*shown).expected : unknown;
+  const auto products = question.products({.name = {}, .input = std::move(input)});
+  return products ? question.worth_of(*products).expected : unknown;
 }
 
 std::optional<NextTest> advise_next_test(std::span<const Alternative> alternatives, const AdviceOptions& options) {
@@ -421,9 +433,9 @@ std::optional<NextTest> advise_next_test(std::span<const Alternative> alternativ
   if (rivals.size() < 2 || !(options.input_high > options.input_low) || !(options.noise_rms > 0)) return std::nullopt;
   const Question question(std::move(rivals), options);
   const std::vector<Asked> each = asked_each(question, repertoire(options, alternatives.front().model.input_unit));
-  std::optional<Asked> best = best_of(each);
-  if (!best || best->worth.told < kWorthAsking) return std::nullopt;
-  return told(with_a_second(std::move(*best), each, question), question.rivals(), options);
+  const Asked* best = best_of(each);
+  if (!best || best->worth.beaten < kWorthAsking) return std::nullopt;
+  return as_next_test(with_a_second(*best, each, question), question.rivals(), options);
 }
 
 }  // namespace valvetriage

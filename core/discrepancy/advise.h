@@ -24,7 +24,7 @@ struct Alternative {
 /// A test as one alternative sees it.
 struct PlayedTest {
   std::size_t samples = 0;
-  double told = 0;  ///< d² of the alternative and of none of them; 0 where AdviceOptions has no `nothing`
+  double removed = 0;  ///< d² of the alternative and of none of them, in variances of noise_rms; 0 without `nothing`
 };
 
 struct AdviceOptions {
@@ -47,12 +47,12 @@ struct AdviceOptions {
 ///
 /// where the g_k are what a refit may still move: what each alternative's `moved` models do. From d the chance that the
 /// true one reaches a posterior of 0.95, and the odds that are asked for, against a rival is Φ((d²/2 − ln(19 p_j /
-/// p_i)) / d); an alternative is settled if all its rivals are beaten (the product of the chances: they share its
-/// noise, so it is hardly more than that, Slepian, Bell System Tech. J. 41 (1962) 463), and a test's worth is the mean
-/// over the alternatives by their probabilities. Where none reaches 0.05, it is the chance that the true one beats a
-/// given rival: of eight alternatives no one test may settle all, and most of them go. Among equals (within a
-/// hundredth) the shortest test is taken. Where it may leave the question open, a second test is played after it in the
-/// same recording, if that adds a tenth to the chance of settling.
+/// p_i)) / d); an alternative is settled if all its rivals are beaten, by the product of the chances, as if each asked
+/// for noise of its own (too little for several rivals on one side, too much for one between two), and a test's worth
+/// is the mean over the alternatives by their probabilities. Where none reaches 0.05, it is the chance that the true
+/// one beats a given rival: of eight alternatives no one test may settle all, and most of them go. Among equals (within
+/// a hundredth) the shortest test is taken. Where it may leave the question open, a second test is played after it in
+/// the same recording, if that adds a tenth to the chance of settling.
 ///
 /// Only the most probable eight alternatives are compared; `none` is one of them where given. A law on a side channel
 /// is left out of the simulations: the channel of a future test is not known.

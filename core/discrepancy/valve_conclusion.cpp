@@ -411,18 +411,9 @@ std::vector<Alternative> alternatives_at(const Grounds& grounds, std::size_t ope
   return alternatives;
 }
 
-/// Inflated noise variances by which one of a place's causes must still come to lead another before that is out: where
-/// laws leave structure more samples leave more of it.
-double lead_still_asked_for(std::span<const Ranked> ranked, const std::string& cause, const std::string& rival,
-                            bool leaves_usual, const FurtherRecordings& further, double inflation,
-                            const ValveDiagnosisOptions& options) {
-  const auto of = [&](const std::string& name) {
-    return std::find_if(ranked.begin(), ranked.end(), [&](const Ranked& r) { return r.cause == name; });
-  };
-  const auto winner = of(cause), other = of(rival);
-  if (winner == ranked.end() || other == ranked.end()) return kLeastEvidence;
-  const double lead = (winner->reduction - other->reduction) / inflation;
-  return lead_asked_for(*winner, *other, leaves_usual, further, inflation, options) - lead;
+const Ranked* entry_of(const std::string& cause, std::span<const Ranked> ranked) {
+  const auto found = std::find_if(ranked.begin(), ranked.end(), [&](const Ranked& r) { return r.cause == cause; });
+  return found == ranked.end() ? nullptr : &*found;
 }
 
 std::optional<NextTest> next_test(const Grounds& grounds, const std::vector<NamedCause>& causes, bool leaves_usual) {
@@ -430,7 +421,7 @@ std::optional<NextTest> next_test(const Grounds& grounds, const std::vector<Name
   if (!open) return std::nullopt;
   const Explanation& explanation = grounds.explanation();
   const ValveFitProblem& problem = *explanation.problem;
-  // What good valves have been put through, this one can be as well.
+  // What good valves have been put through, to the next knot, this one can be as well.
   const std::vector<double>& knots = grounds.options.fit.knots;
   AdviceOptions advice{.input_low = knots.front(), .input_high = knots.back()};
   double variance = 0, samples = 0, period_s = std::numeric_limits<double>::infinity();
@@ -449,9 +440,12 @@ std::optional<NextTest> next_test(const Grounds& grounds, const std::vector<Name
   const double left_per_sample = std::pow(advice.bias_rms / advice.noise_rms, 2);
   advice.nothing = alternative(without(explanation, *open, kRefitSteps), "none", 0, grounds.inflation);
   advice.least_log_odds = [&](const Alternative& true_one, const Alternative& rival, const PlayedTest& test) {
-    const FurtherRecordings further{left_per_sample * static_cast<double>(test.samples), test.told};
-    return 0.5 * lead_still_asked_for(ranked, true_one.cause, rival.cause, leaves_usual, further, grounds.inflation,
-                                      grounds.options);
+    const Ranked *winner = entry_of(true_one.cause, ranked), *other = entry_of(rival.cause, ranked);
+    if (!winner || !other) return 0.5 * kLeastEvidence;
+    // Where laws leave structure more samples leave more of it.
+    const FurtherRecordings further{left_per_sample * static_cast<double>(test.samples), test.removed};
+    return 0.5 *
+           lead_still_asked_for(*winner, *other, ranked, leaves_usual, further, grounds.inflation, grounds.options);
   };
   return advise_next_test(alternatives_at(grounds, *open, causes[*open]), advice);
 }

@@ -645,16 +645,17 @@ double own_excess(const Mechanism& law, const VectorXd& v, const ValveFitOptions
   return parameters[law.size_parameter];
 }
 
-double lead_asked_for(const Ranked& winner, const Ranked& rival, bool leaves_usual, const FurtherRecordings& further,
-                      double inflation, const ValveDiagnosisOptions& options) {
-  const double no_longer_near = (1 - margin(winner, rival)) * (winner.reduction + further.removed) / inflation;
-  if (is_never_out(rival, winner)) return no_longer_near;
+double lead_still_asked_for(const Ranked& winner, const Ranked& rival, std::span<const Ranked> all, bool leaves_usual,
+                            const FurtherRecordings& further, double inflation, const ValveDiagnosisOptions& options) {
+  const double near = (1 - margin(winner, rival)) * (winner.reduction + further.removed);
+  const double until_far = (near - (winner.reduction - reduction_within_reach(rival, all))) / inflation;
+  if (is_never_out(rival, winner)) return until_far;
   double told_apart = kLeastEvidence + scatter_between(winner, rival, options);
   if (!leaves_usual) {
     const double left = (winner.left + further.left) / inflation;
     told_apart = std::max(told_apart, (clearly_more(winner, rival) - 1) * left);
   }
-  return std::min(told_apart, no_longer_near);
+  return std::min(told_apart - (winner.reduction - rival.reduction) / inflation, until_far);
 }
 
 bool leaves_memory(const Mechanism& law, const VectorXd& v, const ValveDiagnosisOptions& options) {
@@ -835,7 +836,8 @@ GoodValveSurvey survey_good_valve(std::span<const Recording> recordings, const V
     seen.causes.push_back({tested.cause(), evidence.value, size});
   }
   seen.leftovers = leftovers_of_good_valve(linear, options);
-  seen.leftovers.push_back(above_noise_of_good_valve(nothing));
+  const auto above_noise = above_noise_of_good_valve(nothing);
+  if (std::isfinite(above_noise.second)) seen.leftovers.push_back(above_noise);
   return seen;
 }
 

@@ -96,12 +96,13 @@ struct FurtherRecordings {
   double left = 0;     ///< what it leaves there
   double removed = 0;  ///< what it removes there
 };
-/// Inflated noise variances by which a winner has to lead a rival that is as near as this one before it is out: it is
-/// told apart, or it is no longer near.
+/// Inflated noise variances by which a winner must still come to lead a rival before that is out: it is told apart, or
+/// it is no longer near.
 ///
+/// all           the causes of their place
 /// leaves_usual  whether the winner leaves nothing that good valves do not leave
-double lead_asked_for(const Ranked& winner, const Ranked& rival, bool leaves_usual, const FurtherRecordings& further,
-                      double inflation, const ValveDiagnosisOptions& options);
+double lead_still_asked_for(const Ranked& winner, const Ranked& rival, std::span<const Ranked> all, bool leaves_usual,
+                            const FurtherRecordings& further, double inflation, const ValveDiagnosisOptions& options);
 
 /// What the valve's own loops at v hold beyond good valves' mean of what a law of memory does too [A]; 0 for any other.
 double own_excess(const Mechanism& law, const Eigen::VectorXd& v, const ValveFitOptions& options);

@@ -213,7 +213,12 @@ std::vector<Model> Explanation::moved_models(double inflation) const {
     deviations.push_back(std::sqrt(variance));
   };
   for (Index j = 0; j < problem->baseline_size(); ++j) add(j, of.covariance(j, j) * inflation);
-  for (const Index j : law_entries(*this)) add(j, of.of_law(j, inflation));
+  for (std::size_t l = 0; l < options->laws.size(); ++l) {
+    for (std::size_t j = 0; j < options->laws[l].shared(); ++j) {
+      const Index entry = problem->law_entry(l, j, 0);
+      add(entry, of.of_law(entry, inflation));
+    }
+  }
   const auto n = static_cast<Index>(entries.size());
   MatrixXd correlation(n, n);
   for (Index i = 0; i < n; ++i) {
@@ -234,6 +239,20 @@ std::vector<Model> Explanation::moved_models(double inflation) const {
     }
     moved.v = problem->clamped(std::move(moved.v));
     models.push_back(moved.model());
+  }
+  // What a recording has of its own, a phase or the state it begins in, may be anything in another one: two more of a
+  // phase span both quadratures.
+  for (std::size_t l = 0; l < options->laws.size(); ++l) {
+    const LawInFit& law = options->laws[l];
+    for (std::size_t j = law.shared(); j < law.shared() + law.own(); ++j) {
+      const Index entry = problem->law_entry(l, j, 0);
+      const double lower = law.lower[j], range = law.upper[j] - lower;
+      for (const double part : {1.0 / 3, 2.0 / 3}) {
+        moved.v = v;
+        moved.v(entry) = lower + std::fmod(v(entry) - lower + part * range, range);
+        models.push_back(moved.model());
+      }
+    }
   }
   return models;
 }

@@ -58,7 +58,8 @@ struct CauseOnGoodValves {
 };
 
 /// How unevenly good valves' residuals are spread: ln of a group of samples' mean square over the noise's; or how far
-/// they go along what no cause stands for: ln(1 + evidence in noise variances), under the direction's name.
+/// they go along what no cause stands for: ln(1 + evidence in noise variances), under the direction's name; or ln of
+/// what a fit costs over what its noise does, under "above the noise".
 struct LeftoverOnGoodValves {
   std::string group;
   double mean = 0, sd = 0;

@@ -771,8 +771,8 @@ TEST(ValveDiagnosis, WhatGoodValvesLeaveAsWellHidesNoSecondCause) {
     for (const NamedCause& cause : found.discrepancy.causes) names.push_back(cause.cause);
     return names;
   };
-  const LeftoverOnGoodValves three_tenths{"above the noise", std::log(1.3), 0.1};
-  EXPECT_EQ(causes({}), std::vector<std::string>{"sensor_offset"});
+  const LeftoverOnGoodValves another{"another", 0, 0.1}, three_tenths{"above the noise", std::log(1.3), 0.1};
+  EXPECT_EQ(causes({&another, 1}), std::vector<std::string>{"sensor_offset"});
   EXPECT_EQ(causes({&three_tenths, 1}), (std::vector<std::string>{"sensor_offset", "periodic_disturbance"}));
 }
 
@@ -899,20 +899,24 @@ TEST(ValveDiagnosis, WhatAllGoodValvesHaveToTheLastDigitStiffensNothingBesideIt)
   EXPECT_GT(std::abs(candidate(none, "sensor_offset").upper_limit95.at("offset_psi")), 0.04);
 }
 
-TEST(LeadAskedFor, LeavesARivalBehindThatIsToldApartOrNoLongerNear) {
+TEST(LeadStillAskedFor, IsWhatPutsARivalOut) {
   const Ranked leak{.cause = "leakage", .reduction = 1000, .left = 500};
   const Ranked curve{.cause = "static_curve", .reduction = 950};
-  Ranked friction{.cause = "friction", .reduction = 950, .sticks = true};
-  const auto lead = [&](const Ranked& rival, bool leaves_usual, const FurtherRecordings& further) {
-    return lead_asked_for(leak, rival, leaves_usual, further, 2, {.good_valves = 8, .causes = {}, .leftovers = {}});
+  const auto lead = [&](const Ranked& rival, std::span<const Ranked> all, bool leaves_usual,
+                        const FurtherRecordings& further) {
+    return lead_still_asked_for(leak, rival, all, leaves_usual, further, 2,
+                                {.good_valves = 8, .causes = {}, .leftovers = {}});
   };
-  // Five sixths of what the winner removes are near, and a rival must leave 1.44 times what it leaves.
-  EXPECT_NEAR(lead(curve, true, {}), kLeastEvidence, 1e-9);
-  EXPECT_NEAR(lead(curve, false, {}), 1000.0 / 6 / 2, 1e-9);
-  EXPECT_NEAR(lead(curve, false, {.removed = 2000}), 0.44 * 500 / 2, 1e-9);
-  EXPECT_NEAR(lead(curve, false, {.left = 200, .removed = 2000}), 0.44 * 700 / 2, 1e-9);
-  // Where free runs stick a worse fit may not be the best one: nothing but a distance puts it out.
-  EXPECT_NEAR(lead(friction, true, {.removed = 2000}), 3000.0 / 6 / 2, 1e-9);
+  // It has a lead of 50. Five sixths of what it removes are near, and a rival must leave 1.44 times what it leaves.
+  EXPECT_NEAR(lead(curve, {}, true, {}), kLeastEvidence - 50.0 / 2, 1e-9);
+  EXPECT_NEAR(lead(curve, {}, false, {}), (1000.0 / 6 - 50) / 2, 1e-9);
+  EXPECT_NEAR(lead(curve, {}, false, {.removed = 2000}), (0.44 * 500 - 50) / 2, 1e-9);
+  EXPECT_NEAR(lead(curve, {}, false, {.left = 200, .removed = 2000}), (0.44 * 700 - 50) / 2, 1e-9);
+  // Where free runs stick a worse fit may not be the best one: nothing but a distance puts it out, from play's too.
+  const Ranked friction{.cause = "friction", .reduction = 750, .fitted_jointly = true, .sticks = true};
+  const Ranked play{.cause = "backlash", .reduction = 950, .fitted_jointly = true, .sticks = true};
+  EXPECT_NEAR(lead(friction, {}, true, {.removed = 2000}), (3000.0 / 6 - 250) / 2, 1e-9);
+  EXPECT_NEAR(lead(friction, {&play, 1}, true, {.removed = 2000}), (3000.0 / 6 - 50) / 2, 1e-9);
 }
 
 TEST(ValveDiagnosis, AsksForATestOverTheRangeOfGoodValvesAndNotOfTheOneStepThatThereIs) {
