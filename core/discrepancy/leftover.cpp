@@ -213,18 +213,20 @@ std::vector<LeftoverGroup> leftover_groups(const LinearisedValve& fit, const Sta
 }
 
 std::vector<std::pair<std::string, double>> leftovers_of_good_valve(const LinearisedValve& linear,
-                                                                    const ValveFitOptions& options) {
+                                                                    const Explanation& explanation) {
   std::vector<std::pair<std::string, double>> seen;
   const auto add = [&](const std::string& name, double value) {
     if (std::isfinite(value)) seen.emplace_back(name, value);
   };
-  const std::vector<LeftoverGroup> groups = leftover_groups(linear, linear.error(), 2 * options.reference_psi);
+  const std::vector<LeftoverGroup> groups =
+      leftover_groups(linear, linear.error(), 2 * explanation.options->reference_psi);
   // The group that the others are measured against has its own slowness.
   add(groups.front().group, groups.front().own_log_ratio);
   for (const LeftoverGroup& group : std::span(groups).subspan(1)) add(group.group, group.log_ratio);
   for (const UnnamedDirection& direction : unnamed_directions(linear)) {
     add(direction.name, std::log1p(direction.evidence));
   }
+  add(kAboveNoise, std::log(explanation.cost / noise_cost(explanation)));
   return seen;
 }
 
@@ -277,10 +279,6 @@ double noise_cost(const Explanation& explanation) {
     cost += static_cast<double>(left.valid_samples()) * std::min(variance, 1.0);
   }
   return std::min(cost, explanation.cost);
-}
-
-std::pair<std::string, double> above_noise_of_good_valve(const Explanation& explanation) {
-  return {kAboveNoise, std::log(explanation.cost / noise_cost(explanation))};
 }
 
 double usual_above_noise(double noise, const ValveDiagnosisOptions& options) {

@@ -42,9 +42,10 @@ struct Unusual {
 /// several times as far out (square_p_value).
 Unusual slower_than_good_valves(double log_ratio, int blocks, const LeftoverOnGoodValves& good, int valves);
 
-/// What is left in a good valve, by group and by unnamed direction, as a reference keeps it: LeftoverOnGoodValves.
+/// What is left in a good valve, by group and by unnamed direction, and in all above its noise, as a reference keeps
+/// it: LeftoverOnGoodValves. `linear`: around `explanation`.
 std::vector<std::pair<std::string, double>> leftovers_of_good_valve(const LinearisedValve& linear,
-                                                                    const ValveFitOptions& options);
+                                                                    const Explanation& explanation);
 
 /// What is left beside an explanation, against good valves.
 struct Leftover {
@@ -59,8 +60,6 @@ Leftover leftover_of(const LinearisedValve& linear, const ValveDiagnosisOptions&
 /// What noise alone costs in this session.
 double noise_cost(const Explanation& explanation);
 
-/// ln of what a good valve's explanation costs over what noise alone does: as leftovers_of_good_valve, and kept there.
-std::pair<std::string, double> above_noise_of_good_valve(const Explanation& explanation);
 /// What a good valve would cost beyond the noise in a session whose noise costs `noise`: the mean of those the
 /// reference holds; 0 where it tells nothing of it.
 double usual_above_noise(double noise, const ValveDiagnosisOptions& options);

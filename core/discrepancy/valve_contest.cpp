@@ -835,9 +835,7 @@ GoodValveSurvey survey_good_valve(std::span<const Recording> recordings, const V
     }
     seen.causes.push_back({tested.cause(), evidence.value, size});
   }
-  seen.leftovers = leftovers_of_good_valve(linear, options);
-  const auto above_noise = above_noise_of_good_valve(nothing);
-  if (std::isfinite(above_noise.second)) seen.leftovers.push_back(above_noise);
+  seen.leftovers = leftovers_of_good_valve(linear, nothing);
   return seen;
 }
 

@@ -174,7 +174,7 @@ TEST(Advise, ASecondTestFollowsInTheSameRecordingWhereOneAloneMayLeaveTheQuestio
   const auto at = both->why.find(alone);
   ASSERT_NE(at, std::string::npos) << both->why;
   EXPECT_LT(std::stod(both->why.substr(at + alone.size())), both->expected_probability - 0.09);
-  // Each part was weighed from its own rest; the one after the other comes to the same.
+  // What is stated is of the two as they are played, one after the other.
   EXPECT_NEAR(chance_to_settle(open, currents_in(both->input_csv), loud), both->expected_probability, 0.02);
 }
 
