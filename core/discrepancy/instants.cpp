@@ -49,7 +49,7 @@ Explanation at_its_instant(Explanation fitted, const Explanation& beside, const 
     if (!start) break;
     const double moved_s = start->parameters[kInstantOf] - fitted.parameters_of_last()[kInstantOf];
     if (std::abs(moved_s) < beside.problem->recording(*law.law.recording).sample_period_s) break;
-    Explanation again = extend_from({&*start, 1}, beside, law, most_iterations, fitted.cost);
+    Explanation again = extend_from({&*start, 1}, beside, law, most_iterations, {.lead = fitted.cost});
     if (again.cost >= fitted.cost) break;
     fitted = std::move(again);
   }

@@ -127,11 +127,15 @@ VectorXd valve_under(const Explanation& explanation) {
   return without(explanation, explanation.laws.size() - 1, 0).v;
 }
 
+/// The cost of a fit that is nobody's rival where another one removes `reduction` of what the valve alone leaves.
+double still_near(const Explanation& beside, double reduction) {
+  return beside.cost - kStillNear * std::max(0.0, reduction);
+}
+
 /// A law of the race once more, from other starts; the better of its fits stays.
-void fit_again(std::size_t i, const Explanation& beside, std::span<const JointStart> starts, double hopeless,
-               JointFits& joint) {
+void fit_again(std::size_t i, const Explanation& beside, std::span<const JointStart> starts, JointFits& joint) {
   if (starts.empty()) return;
-  Explanation fitted = extend_from(starts, beside, joint.racing[i]->fit, kJointSteps, hopeless);
+  Explanation fitted = extend_from(starts, beside, joint.racing[i]->fit, kJointSteps, joint.to_reach(beside));
   joint.compare(fitted);
   if (fitted.cost < joint.fitted[i].cost) joint.fitted[i] = std::move(fitted);
 }
@@ -148,6 +152,10 @@ void JointFits::compare(const Explanation& with) {
   inflation = noise_inflation(whitened_residual(with));
 }
 
+ToReach JointFits::to_reach(const Explanation& beside) const {
+  return {.lead = lowest - kInTheRace * inflation, .matters = still_near(beside, beside.cost - lowest)};
+}
+
 VectorXd at_population_mean(const Explanation& explanation) {
   VectorXd v = explanation.v;
   if (explanation.options->prior) v.head(explanation.problem->baseline_size()) = explanation.options->prior->mean;
@@ -160,7 +168,7 @@ void fit_jointly(const std::vector<const Tested*>& entering, const Explanation& 
   const auto fit = [&](const Tested& tested) {
     std::vector<JointStart> starts = joint_starts(tested, beside, places);
     for (JointStart& start : in_place_of_own_loops(tested, beside)) starts.push_back(std::move(start));
-    Explanation fitted = extend(beside, tested.fit, kJointSteps, joint.lowest - kInTheRace * joint.inflation, starts);
+    Explanation fitted = extend(beside, tested.fit, kJointSteps, joint.to_reach(beside), starts);
     if (tested.fit.law.recording) fitted = at_its_instant(std::move(fitted), beside, tested.fit, kJointSteps);
     joint.compare(fitted);
     return fitted;
@@ -194,8 +202,7 @@ void fit_in_place_of_kin(const Explanation& beside, JointFits& joint) {
   for (std::size_t i = 0; i < joint.fitted.size(); ++i) {
     if (i == *best || !joint.racing[i]->is_of_memory() || joint.in_place_of[i] == cost) continue;
     joint.in_place_of[i] = cost;
-    fit_again(i, beside, taking_over(*joint.racing[i], beside, place, width_a),
-              joint.lowest - kInTheRace * joint.inflation, joint);
+    fit_again(i, beside, taking_over(*joint.racing[i], beside, place, width_a), joint);
   }
 }
 
@@ -209,10 +216,22 @@ void fit_in_place_of_leader(const Explanation& beside, JointFits& joint) {
     for (std::size_t i = 0; i < joint.fitted.size(); ++i) {
       const Tested& tested = *joint.racing[i];
       if (i == leader || tested.fit.law.recording) continue;
-      fit_again(i, beside, joint_starts(tested, beside, {&place, 1}), lowest - kInTheRace * joint.inflation, joint);
+      fit_again(i, beside, joint_starts(tested, beside, {&place, 1}), joint);
     }
     if (!(joint.lowest < lowest)) return;
   }
+}
+
+bool lead_on(const Explanation& beside, double reduction, JointFits& joint) {
+  const double near = still_near(beside, reduction);
+  bool any = false;
+  for (Explanation& fit : joint.fitted) {
+    if (!fit.given_up || !(*fit.given_up < near)) continue;
+    fit = led_on(std::move(fit), kJointSteps, {.lead = near, .matters = near});
+    joint.compare(fit);
+    any = true;
+  }
+  return any;
 }
 
 const Explanation& closest_of(const JointFits& joint, const Explanation& beside) {
@@ -225,15 +244,14 @@ void fit_from_slips(const Survey& survey, const Explanation& beside, JointFits& 
   const VectorXd place = at_population_mean(beside);
   for (const Tested& tested : survey.tested) {
     if (!makes_stick(tested.fit.law, beside)) continue;
-    const std::vector<JointStart> starts = slip_starts(beside, tested.fit.law, place);
-    const double hopeless = joint.lowest - kInTheRace * joint.inflation;
+    const std::vector<JointStart> starts = slip_starts(beside, tested.fit.law, place, closest_of(joint, beside));
     const auto known = std::find(joint.racing.begin(), joint.racing.end(), &tested);
     if (known != joint.racing.end()) {
-      fit_again(static_cast<std::size_t>(known - joint.racing.begin()), beside, starts, hopeless, joint);
+      fit_again(static_cast<std::size_t>(known - joint.racing.begin()), beside, starts, joint);
       continue;
     }
     joint.racing.push_back(&tested);
-    joint.fitted.push_back(extend(beside, tested.fit, kJointSteps, hopeless, starts));
+    joint.fitted.push_back(extend(beside, tested.fit, kJointSteps, joint.to_reach(beside), starts));
     joint.compare(joint.fitted.back());
   }
 }

@@ -22,12 +22,18 @@ struct JointFits {
 
   /// Takes a fit into `lowest` and `inflation`.
   void compare(const Explanation& with);
+  /// What a further fit beside `beside` is led to its end for.
+  ToReach to_reach(const Explanation& beside) const;
   bool has(std::string_view cause) const;
 };
 
 inline constexpr int kJointSteps = 40;
 /// A law this far behind the best in ln likelihood is out of the race.
 inline constexpr double kInTheRace = 30;
+
+/// A rival that removes less than this share of the cost that another one removes is nobody's rival, of whatever family
+/// they are.
+inline constexpr double kStillNear = 1 / 1.5;
 
 /// The population's mean beside the laws already found, with the recordings' own states.
 Eigen::VectorXd at_population_mean(const Explanation& explanation);
@@ -45,6 +51,10 @@ void fit_from_slips(const Survey& survey, const Explanation& beside, JointFits& 
 /// Every law once more from the valve that the best fit so far has found under its law: the way there may be narrow for
 /// the others, and a rival that has not been there is no worse for it.
 void fit_in_place_of_leader(const Explanation& beside, JointFits& joint);
+
+/// Leads those on that were given up for what the best fit removed, where they matter beside a winner that removes
+/// `reduction`, less than that. Whether there were any.
+bool lead_on(const Explanation& beside, double reduction, JointFits& joint);
 
 /// What leaves least: the best joint fit, or what they all stand beside.
 const Explanation& closest_of(const JointFits& joint, const Explanation& beside);

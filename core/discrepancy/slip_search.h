@@ -18,9 +18,11 @@ bool makes_stick(const LawInFit& law, const Explanation& beside);
 /// ramps show breakaway and kinetic force, those are tried beside the grid. The law alone is then searched in free
 /// runs.
 ///
-/// law     that makes the spool stick
-/// place   of the valve, as Explanation::v; a good valve's, where the fit beside has bent towards the friction
-/// Returns the best first
-std::vector<JointStart> slip_starts(const Explanation& beside, const LawInFit& law, const Eigen::VectorXd& place);
+/// law      that makes the spool stick
+/// place    of the valve, as Explanation::v; a good valve's, where the fit beside has bent towards the friction
+/// closest  what leaves least so far, by free runs
+/// Returns the best first; none where no friction one slip ahead leaves as little as `closest` does, or hardly more
+std::vector<JointStart> slip_starts(const Explanation& beside, const LawInFit& law, const Eigen::VectorXd& place,
+                                    const Explanation& closest);
 
 }  // namespace valvetriage

@@ -405,8 +405,8 @@ std::vector<Alternative> alternatives_at(const Grounds& grounds, std::size_t ope
     // A search beside the baseline alone knows nothing of further laws.
     if (tested == surveyed.end() || explanation.laws.size() > 1) continue;
     if (!others) others = without(explanation, open, 0);
-    alternatives.push_back(
-        alternative(extend(*others, tested->fit, kRefitSteps, explanation.cost), r.cause, probability, inflation));
+    alternatives.push_back(alternative(extend(*others, tested->fit, kRefitSteps, {.lead = explanation.cost}), r.cause,
+                                       probability, inflation));
   }
   return alternatives;
 }

@@ -44,7 +44,7 @@ constexpr double kBent = 6;
 constexpr double kFarFromGoodValves = 4;
 // A rival that removes this share of what the winner removes is still one (a margin of 1.2, lesson of other machines).
 constexpr double kMargin = 1 / 1.2;
-constexpr double kFamilyMargin = 1 / 1.5;
+constexpr double kFamilyMargin = kStillNear;
 // The same margins, of the rms of what is left.
 constexpr double kClearlyMore = 1.2 * 1.2;
 constexpr double kClearlyMoreInFamily = 1.5 * 1.5;
@@ -560,12 +560,27 @@ void enter(Contest& contest, const JointFits& joint, const LinearisedValve& line
   }
 }
 
-/// As settle. Free runs that stick can be laid through any noise, a slip sooner or later: what makes the spool stick
-/// wins only if recordings that were left out of its fit bear it out.
-void settle_borne_out(Contest& contest, JointFits& joint, const Explanation& beside, double laws,
+/// Enters the joint fits and settles, those that matter beside the winner led to their ends. Free runs that stick can
+/// be laid through any noise, a slip sooner or later: what makes the spool stick wins only if recordings that were left
+/// out of its fit bear it out.
+void settle_borne_out(Contest& contest, JointFits& joint, const LinearisedValve& linear, const Explanation& beside,
                       const ValveDiagnosisOptions& options) {
-  const auto settle_again = [&] { settle(contest, joint.fitted, laws, options); };
-  for (settle_again(); !contest.cause.empty(); settle_again()) {
+  const auto laws = static_cast<double>(contest.survey.tested.size());
+  std::vector<std::string> denied;
+  const auto settle_again = [&] {
+    for (Ranked& entry : contest.entries) {
+      entry.stands_out &= std::find(denied.begin(), denied.end(), entry.cause) == denied.end();
+    }
+    settle(contest, joint.fitted, laws, options);
+  };
+  enter(contest, joint, linear, beside, options);
+  for (settle_again();; settle_again()) {
+    const Explanation* winner = fit_of(contest.cause, joint.fitted);
+    if (lead_on(beside, winner ? beside.cost - winner->cost : 0, joint)) {
+      enter(contest, joint, linear, beside, options);
+      continue;
+    }
+    if (contest.cause.empty()) return;
     const auto won = std::find_if(joint.racing.begin(), joint.racing.end(),
                                   [&](const Tested* tested) { return tested->cause() == contest.cause; });
     if (won == joint.racing.end() || !makes_stick((*won)->fit.law, beside)) return;
@@ -574,7 +589,7 @@ void settle_borne_out(Contest& contest, JointFits& joint, const Explanation& bes
       joint.borne_out.push_back(contest.cause);
       return;
     }
-    for (Ranked& entry : contest.entries) entry.stands_out &= entry.cause != contest.cause;
+    denied.push_back(contest.cause);
   }
 }
 
@@ -736,7 +751,6 @@ Contest hold_contest(const Explanation& beside, const ValveDiagnosisOptions& opt
   const double inflation = noise_inflation(linear.error());
   const bool bent = is_bent(inflation, linear, beside, options);
   contest.survey = survey_all(linear, beside, bent, options);
-  const double laws = static_cast<double>(contest.survey.tested.size());
   contest.samples = linear.samples();
   contest.p_value_beside = p_value_of_valve(linear, beside.laws.empty(), inflation, options);
 
@@ -755,8 +769,7 @@ Contest hold_contest(const Explanation& beside, const ValveDiagnosisOptions& opt
     }
     fit_in_place_of_leader(beside, joint);
   }
-  enter(contest, joint, linear, beside, options);
-  settle_borne_out(contest, joint, beside, laws, options);
+  settle_borne_out(contest, joint, linear, beside, options);
   if (!contest.cause.empty()) {
     const auto late = late_entries(contest.cause, contest.survey, joint);
     if (!late.empty()) {
@@ -764,8 +777,7 @@ Contest hold_contest(const Explanation& beside, const ValveDiagnosisOptions& opt
       const bool is_news =
           std::any_of(late.begin(), late.end(), [](const Tested* tested) { return tested->is_of_memory(); });
       if (is_news) fit_in_place_of_kin(beside, joint);
-      enter(contest, joint, linear, beside, options);
-      settle_borne_out(contest, joint, beside, laws, options);
+      settle_borne_out(contest, joint, linear, beside, options);
     }
   }
   award(contest, std::move(joint.fitted));
@@ -817,7 +829,7 @@ GoodValveSurvey survey_good_valve(std::span<const Recording> recordings, const V
     const bool is_open = tested.promise.value > kLeastEvidence && tested.evidence.value < 0.5 * tested.promise.value;
     if (is_open || law.family == "memory") {
       const std::vector<JointStart> starts{{nothing.v, tested.fit.shape}};
-      const Explanation fitted = extend(nothing, tested.fit, kJointSteps, nothing.cost, starts);
+      const Explanation fitted = extend(nothing, tested.fit, kJointSteps, {.lead = nothing.cost}, starts);
       const Stack left = whitened_residual(fitted);
       const double reduction = std::max(0.0, nothing.cost - fitted.cost);
       const Evidence found =

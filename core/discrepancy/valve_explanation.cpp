@@ -46,6 +46,7 @@ Explanation Explanation::copy() const {
   copy.v = v;
   copy.cost = cost;
   copy.laws = laws;
+  copy.given_up = given_up;
   return copy;
 }
 
@@ -146,13 +147,29 @@ void add_starts(std::span<const JointStart> starts, const Explanation& extended,
   }
 }
 
+/// On from where a descent stands, as far as it still matters; `before` is its cost some iterations ago.
+Descent led_down(const ValveFitProblem& problem, Descent descent, double before, int most_iterations,
+                 const ToReach& to_reach) {
+  for (int steps = 0; steps < most_iterations; steps += kIterationsAtATime) {
+    descent = descend_on(problem, std::move(descent), kIterationsAtATime, kSmallestGain, to_reach.matters);
+    const double gained = before - descent.cost;
+    before = descent.cost;
+    if (descent.termination != FitTermination::kIterationLimit) break;
+    if (std::isfinite(gained) && descent.cost - kMoreToGain * gained > to_reach.lead) break;
+  }
+  return descent;
+}
+
 /// Fitted from whichever of its scouts is better after a few iterations.
-Explanation fitted_from(std::vector<Descent> scouts, Explanation extended, int most_iterations, double hopeless) {
+Explanation fitted_from(std::vector<Descent> scouts, Explanation extended, int most_iterations,
+                        const ToReach& to_reach) {
   const ValveFitProblem& problem = *extended.problem;
-  int done = 0;
+  int left = most_iterations;
+  double before = std::numeric_limits<double>::infinity();
   if (scouts.size() > 1) {
-    for (Descent& scout : scouts) scout = descend_on(problem, std::move(scout), kScoutIterations, kSmallestGain);
-    done = kScoutIterations;
+    for (Descent& scout : scouts)
+      scout = descend_on(problem, std::move(scout), kScoutIterations, kSmallestGain, to_reach.matters);
+    left -= kScoutIterations;
   }
   // A scout that has given the law up is no better than without it, and at its end: another may still come below.
   const auto acts = [&](const Descent& d) {
@@ -165,28 +182,19 @@ Explanation fitted_from(std::vector<Descent> scouts, Explanation extended, int m
   std::stable_sort(scouts.begin(), scouts.end(), by_cost);
   const Descent lowest = *std::min_element(scouts.begin(), scouts.end(),
                                            [](const Descent& a, const Descent& b) { return a.cost < b.cost; });
-  const auto led_down = [&](Descent descent) {
-    double before = done > 0 ? descent.cost : std::numeric_limits<double>::infinity();
-    for (int steps = done; steps < most_iterations; steps += kIterationsAtATime) {
-      descent = descend_on(problem, std::move(descent), kIterationsAtATime, kSmallestGain);
-      const double gained = before - descent.cost;
-      before = descent.cost;
-      if (descent.termination != FitTermination::kIterationLimit) break;
-      if (std::isfinite(gained) && descent.cost - kMoreToGain * gained > hopeless) break;
-    }
-    return descent;
-  };
-  Descent best = led_down(scouts.front());
+  if (scouts.size() > 1) before = scouts.front().cost;
+  Descent best = led_down(problem, scouts.front(), before, left, to_reach);
   if (scouts.size() > 1 && problem.sticks(best.v)) {
     // A rough cost has many valleys: from wider secants there may be a lower one beside this.
     Descent again = descent_from(problem, best.v);
     again.width = kWideAgain;
-    again = led_down(std::move(again));
+    again = led_down(problem, std::move(again), best.cost, left, to_reach);
     if (again.cost < best.cost) best = std::move(again);
   }
   if (lowest.cost < best.cost) best = lowest;
   extended.v = std::move(best.v);
   extended.cost = best.cost;
+  if (best.termination == FitTermination::kGivenUp) extended.given_up = to_reach.matters;
   return extended;
 }
 
@@ -267,20 +275,26 @@ Explanation explain_nothing(std::span<const Recording> recordings, const ValveFi
   return nothing;
 }
 
-Explanation extend(const Explanation& explanation, const LawFit& law, int most_iterations, double hopeless,
+Explanation extend(const Explanation& explanation, const LawFit& law, int most_iterations, const ToReach& to_reach,
                    std::span<const JointStart> others) {
   Explanation extended = with_law(explanation, law);
   std::vector<Descent> scouts{from_search(extended, explanation)};
   add_starts(others, extended, explanation, scouts);
-  return fitted_from(std::move(scouts), std::move(extended), most_iterations, hopeless);
+  return fitted_from(std::move(scouts), std::move(extended), most_iterations, to_reach);
 }
 
 Explanation extend_from(std::span<const JointStart> starts, const Explanation& explanation, const LawFit& law,
-                        int most_iterations, double hopeless) {
+                        int most_iterations, const ToReach& to_reach) {
   Explanation extended = with_law(explanation, law);
   std::vector<Descent> scouts;
   add_starts(starts, extended, explanation, scouts);
-  return fitted_from(std::move(scouts), std::move(extended), most_iterations, hopeless);
+  return fitted_from(std::move(scouts), std::move(extended), most_iterations, to_reach);
+}
+
+Explanation led_on(Explanation given_up, int most_iterations, const ToReach& to_reach) {
+  std::vector<Descent> start{descent_from(*given_up.problem, given_up.v)};
+  given_up.given_up.reset();
+  return fitted_from(std::move(start), std::move(given_up), most_iterations, to_reach);
 }
 
 Explanation without(const Explanation& explanation, std::size_t law, int most_iterations) {

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <limits>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -16,6 +18,9 @@ struct Explanation {
   Eigen::VectorXd v;
   double cost = 0;           ///< whitened, penalties included
   std::vector<LawFit> laws;  ///< in the order of options->laws; their parameters as first found, v has the final ones
+  /// The cost that the fit did not seem to come down to and was given up for; it may come to any below. None where it
+  /// was led to its end.
+  std::optional<double> given_up;
 
   Explanation copy() const;
   /// Of the law that came last, fitted together with the others (own ones: the first recording's).
@@ -41,13 +46,22 @@ struct JointStart {
   /// free runs keeps its valley with 1.
   double width = 0;
 };
+/// What a joint fit is led to its end for.
+struct ToReach {
+  /// Where it leads: one that at its pace would not come down to it ends early.
+  double lead = 0;
+  /// Where it matters: one that does not seem to come down to it is given up where it stands.
+  double matters = std::numeric_limits<double>::infinity();
+};
 /// One more law, everything fitted together from where its search ended, or from another start that is better after a
-/// few iterations. A fit that at its pace would not come down to `hopeless` is ended early.
-Explanation extend(const Explanation& explanation, const LawFit& law, int most_iterations, double hopeless,
+/// few iterations.
+Explanation extend(const Explanation& explanation, const LawFit& law, int most_iterations, const ToReach& to_reach,
                    std::span<const JointStart> others = {});
 /// The same from the starts alone, at least one: where the search ended has been tried before.
 Explanation extend_from(std::span<const JointStart> starts, const Explanation& explanation, const LawFit& law,
-                        int most_iterations, double hopeless);
+                        int most_iterations, const ToReach& to_reach);
+/// A fit that was given up, led on.
+Explanation led_on(Explanation given_up, int most_iterations, const ToReach& to_reach);
 /// One law less, the rest fitted again.
 Explanation without(const Explanation& explanation, std::size_t law, int most_iterations);
 

@@ -23,9 +23,11 @@ constexpr double kKnotSpacing_a = 0.025;
 constexpr double kFullSpan_a = 1.0;
 constexpr double kBeyondEnd = 0.25;  // of a spacing
 
-constexpr double kFirstDamping = 1e-3;
+constexpr double kFirstDamping = 1e-3, kLeastDamping = 1e-9;
 // From one width of differences to the next.
 constexpr double kNarrower = 5;
+// A fit gains no more than this many times what its linear model forecasts.
+constexpr double kMostOverForecast = 3;
 
 /// Where the search begins: the population's mean, a given point, or a fan of speeds.
 std::vector<ValveParameters> starting_points(const ValveFitOptions& options, std::span<const Recording> recordings) {
@@ -99,6 +101,13 @@ VectorXd stepped_inside(const ValveFitProblem& problem, const VectorXd& v, const
   return problem.clamped(there);
 }
 
+/// By how much the linear model says that the cost can fall, inside the bounds.
+double forecast_gain(const ValveFitProblem& problem, const VectorXd& v, const ValveFitProblem::Normal& normal) {
+  MatrixXd a = normal.a;
+  a.diagonal() *= 1 + kLeastDamping;
+  return normal.b.dot(stepped_inside(problem, v, a, normal.b) - v);
+}
+
 }  // namespace
 
 Descent descent_from(const ValveFitProblem& problem, VectorXd v) {
@@ -111,12 +120,17 @@ Descent descend(const ValveFitProblem& problem, VectorXd v, int most_iterations,
   return descend_on(problem, descent_from(problem, std::move(v)), most_iterations, smallest_gain);
 }
 
-Descent descend_on(const ValveFitProblem& problem, Descent descent, int most_iterations, double smallest_gain) {
+Descent descend_on(const ValveFitProblem& problem, Descent descent, int most_iterations, double smallest_gain,
+                   double to_reach) {
   constexpr int kMostAttempts = 8;
   if (descent.termination != FitTermination::kIterationLimit) return descent;
   for (int i = 0; i < most_iterations; ++i, ++descent.iterations) {
     const ValveFitProblem::Normal normal = problem.linearise(descent.v, descent.width);
     const double before = descent.cost;
+    if (std::isfinite(to_reach) && before - kMostOverForecast * forecast_gain(problem, descent.v, normal) > to_reach) {
+      descent.termination = FitTermination::kGivenUp;
+      return descent;
+    }
     for (int attempt = 0; attempt < kMostAttempts && descent.cost == before; ++attempt) {
       MatrixXd a = normal.a;
       a.diagonal() *= 1 + descent.damping;
@@ -125,7 +139,7 @@ Descent descend_on(const ValveFitProblem& problem, Descent descent, int most_ite
       if (std::isfinite(cost) && cost < before) {
         descent.v = tried;
         descent.cost = cost;
-        descent.damping = std::max(descent.damping / 5, 1e-9);
+        descent.damping = std::max(descent.damping / 5, kLeastDamping);
       } else {
         descent.damping *= 8;
       }

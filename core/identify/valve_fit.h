@@ -93,7 +93,7 @@ struct ValveFitOptions {
   int most_iterations = 40;
 };
 
-enum class FitTermination : std::uint8_t { kConverged, kIterationLimit, kNoDescent };
+enum class FitTermination : std::uint8_t { kConverged, kIterationLimit, kNoDescent, kGivenUp };
 
 /// One valve's model, from all its recordings together: shared physics, own initial states.
 struct ValveFit {

@@ -16,8 +16,9 @@ constexpr double kLaminar_psi = 0.1;
 constexpr double kAtmosphere_psi = 14.7;
 // A steady pressure and a volume that move by less within a sample stand still: nothing is integrated until they move.
 constexpr double kAtRest_psi = 1e-10;
-// Each step of a volume waits for the one before: several recordings one beside another keep a processor busy.
-constexpr std::size_t kSideBySide = 3;
+// Each step of a volume waits for the one before, and is longer than a processor sees ahead: several recordings, the
+// parts of a step one beside another, keep it busy.
+constexpr std::size_t kSideBySide = 6;
 // The supply stays this far above the volume: a steady pressure at the supply has no drop to flow over.
 constexpr double kLeastDrop_psi = 1.0;
 
@@ -65,36 +66,47 @@ struct Grid {
 template <std::size_t kFunctions>
 class Table {
  public:
-  explicit Table(const Grid& grid) : grid_(grid), per_step_(1 / grid.step), points_(grid.points) {
-    if (grid.points > 1) last_ = grid.at(grid.points - 1);
+  /// `at` gives the functions and their slopes at a point of the grid.
+  template <typename At>
+  Table(const Grid& grid, const At& at) : grid_(grid), per_step_(1 / grid.step) {
+    if (grid.points < 2) return;
+    last_ = grid.at(grid.points - 1);
+    pieces_.resize(grid.points - 1);
+    Values<kFunctions> begin = at(grid.first);
+    for (std::size_t i = 0; i < pieces_.size(); ++i) {
+      const Values<kFunctions> end = at(grid.at(i + 1));
+      for (std::size_t k = 0; k < kFunctions; ++k) {
+        const double rise = end.value[k] - begin.value[k];
+        const double from = grid.step * begin.slope[k], to = grid.step * end.slope[k];
+        pieces_[i][k] = {begin.value[k], from, 3 * rise - 2 * from - to, from + to - 2 * rise};
+      }
+      begin = end;
+    }
   }
 
-  void set(std::size_t i, Values<kFunctions> at) {
-    for (double& slope : at.slope) slope *= grid_.step;
-    points_[i] = at;
-  }
   bool holds(double x) const { return x >= grid_.first && x < last_; }
 
   Values<kFunctions> read(double x) const {
     const double place = (x - grid_.first) * per_step_;
     const auto i = static_cast<std::size_t>(place);
     const double t = place - static_cast<double>(i);
-    const Values<kFunctions>&a = points_[i], &b = points_[i + 1];
     Values<kFunctions> read;
     for (std::size_t k = 0; k < kFunctions; ++k) {
-      const double rise = b.value[k] - a.value[k];
-      const double c = 3 * rise - 2 * a.slope[k] - b.slope[k], d = a.slope[k] + b.slope[k] - 2 * rise;
-      read.value[k] = a.value[k] + t * (a.slope[k] + t * (c + t * d));
-      read.slope[k] = (a.slope[k] + t * (2 * c + 3 * t * d)) * per_step_;
+      const Cubic& of = pieces_[i][k];
+      read.value[k] = of.a + t * (of.b + t * (of.c + t * of.d));
+      read.slope[k] = (of.b + t * (2 * of.c + 3 * t * of.d)) * per_step_;
     }
     return read;
   }
 
  private:
+  struct Cubic {
+    double a = 0, b = 0, c = 0, d = 0;  ///< a + b t + c t² + d t³, t from 0 to 1 along a step
+  };
   Grid grid_;
   double last_ = -std::numeric_limits<double>::infinity();
   double per_step_ = 1;
-  std::vector<Values<kFunctions>> points_;
+  std::vector<std::array<Cubic, kFunctions>> pieces_;
 };
 
 // Flows bend most at small pressures: cubics this far apart err by some 1e-5 psi at most, at zero, and by less than
@@ -147,13 +159,9 @@ class Law {
 
    private:
     struct Tables {
-      Tables(const Law& law, const Grid& grid) : pressure(grid), steady(grid) {
-        for (std::size_t i = 0; i < grid.points; ++i) {
-          const Flow flow = law.flow(grid.at(i));
-          pressure.set(i, law.of_pressure(grid.at(i), flow));
-          steady.set(i, Law::of_steady(flow));
-        }
-      }
+      Tables(const Law& law, const Grid& grid)
+          : pressure(grid, [&](double p) { return law.of_pressure(p); }),
+            steady(grid, [&](double m) { return law.of_steady(m); }) {}
       Table<2> pressure;
       Table<1> steady;
     };
@@ -285,43 +293,51 @@ class VolumeAtWork {
 
   std::size_t samples() const { return run_.pressure.size(); }
 
-  void step(std::size_t i) {
+  /// A sample's step in three parts, which those of other volumes go between: what is asked for from sample i on.
+  void ask(std::size_t i) {
     // Before the pressure is written: it may stand in the memory of what was read.
     const double middle_m = run_.steady[2 * i + 1], end_m = i + 1 < samples() ? run_.steady[2 * i + 2] : middle_m;
     run_.pressure[i] = p_;
     const double middle_psi = std::min(middle_m, stop_psi_), end_psi = std::min(end_m, stop_psi_);
-    const bool stays = std::abs(end_psi - at_.psi) <= kAtRest_psi && std::abs(middle_psi - at_.psi) <= kAtRest_psi;
-    if (stays && rests_) {
+    stays_ = std::abs(end_psi - at_.psi) <= kAtRest_psi && std::abs(middle_psi - at_.psi) <= kAtRest_psi;
+    if (stands_still()) return;
+    middle_ = asked(middle_m);
+    end_ = asked(end_m);
+    inflow_ = (at_.flow.value[0] + 4 * middle_.flow.value[0] + end_.flow.value[0]) * (1.0 / 6);
+  }
+  /// Half a step with the slope at its start.
+  void go_half() {
+    if (stands_still()) return;
+    const Law::Rate begin = law_.rate(table_.of_pressure(p_), inflow_);
+    half_ = p_ + 0.5 * run_.sample_period_s * begin.value * relaxed(-0.5 * run_.sample_period_s * begin.by_p);
+  }
+  /// The whole of it with the slope at the middle.
+  void go(std::size_t i) {
+    if (stands_still()) {
       if (run_.tangent) {
         for (std::vector<double>* part : parts(*run_.tangent)) (*part)[i] = (*part)[i - 1];
       }
       return;
     }
-    const double period_s = run_.sample_period_s;
-    const Asked middle = asked(middle_m), end = asked(end_m);
-    const double inflow = (at_.flow.value[0] + 4 * middle.flow.value[0] + end.flow.value[0]) * (1.0 / 6);
-    // Half a step with the slope at its start, then the whole with the slope at the middle.
-    const Law::Rate begin = law_.rate(table_.of_pressure(p_), inflow);
-    const double half = p_ + 0.5 * period_s * begin.value * relaxed(-0.5 * period_s * begin.by_p);
-    const Law::Rate centre = law_.rate(table_.of_pressure(half), inflow);
-    const double reach = period_s * relaxed(-period_s * centre.by_p);
-    const double slope_there = centre.value + centre.by_p * (p_ - half);
+    const Law::Rate centre = law_.rate(table_.of_pressure(half_), inflow_);
+    const double reach = run_.sample_period_s * relaxed(-run_.sample_period_s * centre.by_p);
+    const double slope_there = centre.value + centre.by_p * (p_ - half_);
     if (run_.tangent) {
       const double sixth = reach * centre.by_inflow * (1.0 / 6);
       run_.tangent->keep[i] = 1 + centre.by_p * reach;  // e^(T ∂rate/∂p)
       run_.tangent->begin[i] = sixth * at_.slope();
-      run_.tangent->middle[i] = 4 * sixth * middle.slope();
-      run_.tangent->end[i] = sixth * end.slope();
+      run_.tangent->middle[i] = 4 * sixth * middle_.slope();
+      run_.tangent->end[i] = sixth * end_.slope();
     }
     p_ += reach * slope_there;
-    rests_ = stays && std::abs(reach * slope_there) <= kAtRest_psi;
+    rests_ = stays_ && std::abs(reach * slope_there) <= kAtRest_psi;
     if (p_ > ceiling_psi_) {
       p_ = ceiling_psi_;
       if (run_.tangent) {
         for (std::vector<double>* part : parts(*run_.tangent)) (*part)[i] = 0;
       }
     }
-    at_ = end;
+    at_ = end_;
   }
 
  private:
@@ -337,6 +353,7 @@ class VolumeAtWork {
     const double psi = std::min(steady_psi, stop_psi_);
     return {psi, steady_psi < stop_psi_, table_.of_steady(psi)};
   }
+  bool stands_still() const { return stays_ && rests_; }
   static std::array<std::vector<double>*, 4> parts(VolumeTangent& tangent) {
     return {&tangent.keep, &tangent.begin, &tangent.middle, &tangent.end};
   }
@@ -348,6 +365,10 @@ class VolumeAtWork {
   double p_ = 0;
   Asked at_;
   bool rests_ = false;
+  // Of the sample that is stepped over.
+  Asked middle_, end_;
+  double inflow_ = 0, half_ = 0;
+  bool stays_ = false;
 };
 
 /// A volume's law with its tables.
@@ -373,9 +394,14 @@ void run_volumes(std::span<const VolumeRun> runs) {
     std::size_t longest = 0;
     for (const VolumeAtWork& volume : some) longest = std::max(longest, volume.samples());
     for (std::size_t i = 0; i < longest; ++i) {
-      for (VolumeAtWork& volume : some) {
-        if (i < volume.samples()) volume.step(i);
-      }
+      const auto each = [&](const auto& part) {
+        for (VolumeAtWork& volume : some) {
+          if (i < volume.samples()) part(volume);
+        }
+      };
+      each([i](VolumeAtWork& volume) { volume.ask(i); });
+      each([](VolumeAtWork& volume) { volume.go_half(); });
+      each([i](VolumeAtWork& volume) { volume.go(i); });
     }
   }
 }

@@ -12,6 +12,7 @@
 #include "core/discrepancy/instants.h"
 #include "core/discrepancy/joint_fits.h"
 #include "core/discrepancy/own_parameters.h"
+#include "core/discrepancy/slip_search.h"
 #include "core/discrepancy/valve_catalogue.h"
 #include "core/discrepancy/valve_contest.h"
 #include "core/mechanisms/mechanism.h"
@@ -604,6 +605,50 @@ TEST(JointFits, PutALagAheadOfTheMapThoughTheSurveyHasItBehind) {
   }
 }
 
+/// The search for one cause beside the valve alone.
+Tested surveyed(const Explanation& beside, std::string_view cause) {
+  const Survey survey = survey_laws(LinearisedValve(*beside.problem, beside.v), *beside.options);
+  return *std::find_if(survey.tested.begin(), survey.tested.end(),
+                       [&](const Tested& tested) { return tested.cause() == cause; });
+}
+
+TEST(JointFits, AreLedOnWhereWhatTheyWereGivenUpForHasNotWon) {
+  const test::MadeValve valve;
+  const auto healthy = test::session(valve, kNoise_psi, 3);
+  const Population population(healthy, valve);
+  const auto slow = with_cause(healthy, population.model(valve), {.cause = "transport_delay", .parameters = {0.004}});
+  const Explanation beside = explain_nothing(slow, population.options, *fit_valve(slow, population.options));
+  const Tested lag = surveyed(beside, "extra_lag");
+  const std::vector<JointStart> starts{{at_population_mean(beside), lag.starts.front()}};
+  const Explanation whole = extend_from(starts, beside, lag.fit, kJointSteps, {.lead = beside.cost});
+  ASSERT_LT(whole.cost, beside.cost - kLeastEvidence) << "a lag does some of what a delay does";
+
+  JointFits joint{.racing = {&lag}, .lowest = whole.cost};
+  joint.fitted.push_back(extend_from(starts, beside, lag.fit, kJointSteps, {.matters = -1e9}));
+  ASSERT_TRUE(joint.fitted.front().given_up);
+  ASSERT_GT(joint.fitted.front().cost, whole.cost + kLeastEvidence);
+  EXPECT_FALSE(lead_on(beside, 2e9, joint)) << "what matters is lower still";
+  EXPECT_TRUE(lead_on(beside, 0, joint));
+  EXPECT_NEAR(joint.fitted.front().cost, whole.cost, 1);
+  EXPECT_FALSE(lead_on(beside, 0, joint)) << "there is nothing left to lead on";
+}
+
+TEST(SlipSearch, HasNoStartsWhereNoSlipsAreShownThatLeaveAsLittle) {
+  const test::MadeValve valve;
+  const auto healthy = test::session(valve, kNoise_psi, 21);
+  const Population population(healthy, valve);
+  const auto starts_for = [&](const MechanismUse& hidden) {
+    const auto spoiled = with_cause(healthy, population.model(valve), hidden);
+    const Explanation beside = explain_nothing(spoiled, population.options, *fit_valve(spoiled, population.options));
+    const Tested found = surveyed(beside, hidden.cause);
+    const std::vector<JointStart> good{{at_population_mean(beside), found.starts.front()}};
+    const Explanation closest = extend(beside, found.fit, kJointSteps, {.lead = beside.cost}, good);
+    return slip_starts(beside, surveyed(beside, "friction").fit.law, at_population_mean(beside), closest).size();
+  };
+  EXPECT_EQ(starts_for({.cause = "leakage", .parameters = {0.3}}), 0u);
+  EXPECT_GT(starts_for({.cause = "friction", .parameters = {0.083, 0.051, 0.2, 0}}), 0u);
+}
+
 TEST(ValveDiagnosis, ASpoolThatStopsIsASaturationAndNoDeadBand) {
   const Discrepancy found = found_in({.cause = "saturation", .parameters = {165, -INFINITY, 1}}, 3);
   ASSERT_EQ(found.causes.size(), 1u);
@@ -660,7 +705,7 @@ TEST(Instants, MayBeginWithTheInputWhereTheDataDoNotTellThemFromAMove) {
       return v.law.law->cause == "intermittent" && v.law.recording == recording;
     });
     const LawFit law{.law = variant->law, .parameters = parameters, .baseline = beside.v};
-    return may_begin_with_input(extend(beside, law, 10, INFINITY), 0, 1);
+    return may_begin_with_input(extend(beside, law, 10, {.lead = INFINITY}), 0, 1);
   };
   EXPECT_TRUE(may_begin(1, 1.02, -0.05)) << "while the valve answers a step";
   EXPECT_FALSE(may_begin(1, 2.5, -0.05)) << "in a hold";

@@ -97,5 +97,26 @@ TEST(ValveFitProblem, AKnotThatFewSamplesTellGivesWayToOneThatManyTell) {
   EXPECT_TRUE(rising.tail(rising.size() - 2).isApprox(v.segment(first + 2, problem.knots() - 2)));
 }
 
+TEST(Descent, IsGivenUpWhereItDoesNotSeemToComeDownToWhatMatters) {
+  const test::MadeValve valve;
+  const auto recordings = test::session(valve, 0.35, 11);
+  const ValveFitOptions options = options_at_105_psi(recordings);
+  const ValveFitProblem problem(recordings, options);
+  ValveParameters slow = valve.parameters;
+  slow.volume.time_constant_s *= 1.5;
+  const Descent start = descent_from(problem, problem.start_vector(slow));
+  const Descent whole = descend_on(problem, start, 40);
+  ASSERT_LT(whole.cost, 0.1 * start.cost);
+
+  const Descent reaches = descend_on(problem, start, 40, 1e-7, 1.01 * whole.cost);
+  EXPECT_EQ(reaches.termination, whole.termination);
+  EXPECT_EQ(reaches.cost, whole.cost);
+
+  const Descent falls_short = descend_on(problem, start, 40, 1e-7, 0.9 * whole.cost);
+  EXPECT_EQ(falls_short.termination, FitTermination::kGivenUp);
+  EXPECT_LT(falls_short.iterations, whole.iterations);
+  EXPECT_EQ(descend_on(problem, falls_short, 40).iterations, falls_short.iterations) << "once given up it stays so";
+}
+
 }  // namespace
 }  // namespace valvetriage
