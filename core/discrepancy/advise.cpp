@@ -13,6 +13,7 @@
 #include "core/model/test_plan.h"
 #include "core/recording/intersample.h"
 #include "core/recording/segments.h"
+#include "core/statistics/distributions.h"
 
 namespace valvetriage {
 namespace {
@@ -202,18 +203,14 @@ double distance(const Products& products, const Columns& a, const Columns& b, do
   return std::sqrt(std::max(left, 0.0)) / noise;
 }
 
-double normal_below(double z) {
-  return 0.5 * std::erfc(-z / std::sqrt(2.0));
-}
-
 /// Chance that the true one reaches the settling posterior against a rival.
 double beats(double d, const PlayedTest& test, const Alternative& own, const Alternative& rival,
              const AdviceOptions& options) {
   const double asked = options.least_log_odds ? options.least_log_odds(own, rival, test) : 0;
   const double odds = std::max(std::log(kSettled / (1 - kSettled) * rival.probability / own.probability), asked);
-  if (!std::isfinite(odds)) return 0;
+  if (!std::isfinite(odds) || !std::isfinite(d)) return 0;
   if (d < 1e-9) return odds <= 0 ? 1 : 0;
-  return normal_below((0.5 * d * d - odds) / d);
+  return normal_upper_tail((odds - 0.5 * d * d) / d);
 }
 
 /// What one test is worth.
@@ -317,19 +314,26 @@ struct Asked {
   Play play;
   Products products;
   Worth worth;
-  std::string beside;  ///< what another test is worth
+};
+
+/// The test that is asked for, and what another one is worth.
+struct Chosen {
+  Play play;
+  Worth worth;
+  std::string beside;
 };
 
 bool settles_all(const Worth& worth) {
   return worth.expected > 1 - kEqual;
 }
 
-/// Of tests in the order of their length the one that is worth most, the shortest of equals; null for none.
-const Asked* best_of(std::span<const Asked> each) {
-  const Asked* best = nullptr;
-  for (const Asked& asked : each) {
-    const double score = asked.worth.score();
-    if (std::isfinite(score) && (!best || score - best->worth.score() > kEqual * score)) best = &asked;
+/// Of what has a worth, in the order of the length, the one that is worth most, the shortest of equals; null for none.
+template <typename Each>
+const Each* best_of(const std::vector<Each>& each) {
+  const Each* best = nullptr;
+  for (const Each& one : each) {
+    const double score = one.worth.score();
+    if (std::isfinite(score) && (!best || score - best->worth.score() > kEqual * score)) best = &one;
   }
   return best;
 }
@@ -351,13 +355,13 @@ std::vector<Asked> asked_each(const Question& question, std::vector<Play> plays)
     std::optional<Products> products = question.products(play);
     if (!products) continue;
     const Worth worth = question.worth_of(*products);
-    each.push_back({std::move(play), std::move(*products), worth, {}});
+    each.push_back({std::move(play), std::move(*products), worth});
     if (settles_all(worth)) break;
   }
   return each;
 }
 
-std::string beside(const Asked& chosen, std::span<const Asked> each) {
+std::string beside(const Asked& chosen, const std::vector<Asked>& each) {
   if (settles_all(chosen.worth)) return "no longer test settles more";
   double next = 0;
   for (const Asked& asked : each) {
@@ -367,30 +371,33 @@ std::string beside(const Asked& chosen, std::span<const Asked> each) {
 }
 
 /// The test, and another one after it where the two settle clearly more than the first alone.
-Asked with_a_second(const Asked& first, std::span<const Asked> each, const Question& question) {
-  Asked alone = first;
-  alone.beside = beside(first, each);
+Chosen with_a_second(const Asked& first, const std::vector<Asked>& each, const Question& question) {
+  Chosen alone{first.play, first.worth, beside(first, each)};
   if (first.worth.expected > 1 - kWorthASecond) return alone;
-  std::vector<Asked> both;
+  struct Second {
+    const Play* play;
+    Worth worth;  ///< of both
+  };
+  std::vector<Second> seconds;
   for (const Asked& second : each) {
     if (&second == &first) continue;
-    Products sum{first.products.of + second.products.of, first.products.samples + second.products.samples};
-    const Worth worth = question.worth_of(sum);
-    both.push_back({joined(first.play, second.play), std::move(sum), worth, {}});
+    const Products sum{first.products.of + second.products.of, first.products.samples + second.products.samples};
+    seconds.push_back({&second.play, question.worth_of(sum)});
   }
-  const Asked* best = best_of(both);
+  const Second* best = best_of(seconds);
   if (!best) return alone;
   // Chosen as if each began at rest; what is stated is of the one after the other.
-  const std::optional<Products> products = question.products(best->play);
+  Play both = joined(first.play, *best->play);
+  const std::optional<Products> products = question.products(both);
   if (!products) return alone;
-  Asked longer{best->play, *products, question.worth_of(*products), {}};
-  if (longer.worth.expected < first.worth.expected + kWorthASecond) return alone;
-  longer.beside = fmt::format("its first part alone settles with probability {:.2f}", first.worth.expected);
-  return longer;
+  Worth worth = question.worth_of(*products);
+  if (worth.expected < first.worth.expected + kWorthASecond) return alone;
+  return {std::move(both), std::move(worth),
+          fmt::format("its first part alone settles with probability {:.2f}", first.worth.expected)};
 }
 
-NextTest as_next_test(const Asked& asked, std::span<const Alternative* const> rivals, const AdviceOptions& options) {
-  const auto& [play, products, worth, beside] = asked;
+NextTest as_next_test(const Chosen& chosen, std::span<const Alternative* const> rivals, const AdviceOptions& options) {
+  const auto& [play, worth, beside] = chosen;
   const bool is_current = rivals.front()->model.input_unit == "A";
   NextTest next;
   next.test = play.name;

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <boost/math/statistics/univariate_statistics.hpp>
 #include <cmath>
-#include <limits>
 #include <optional>
 #include <utility>
 
@@ -30,8 +29,6 @@ constexpr int kHalvings = 4;
 // many free runs.
 constexpr double kWorthAStep = 1;
 constexpr int kMostFreeRuns = 400;
-// The law's parameters alone make up a third of this, seldom more.
-constexpr double kHopelesslyHigher = 1.5;
 // One slip ahead of the data is easier than a free run: what leaves this many times the mean square of another law's
 // free run there will not catch up with it in its own (the margin of the comparison, 1.2 of the rms).
 constexpr double kClearlyMore = 1.2 * 1.2;
@@ -106,11 +103,9 @@ double samples_in(const ValveFitProblem& problem) {
 }
 
 /// The law's parameters alone, in free runs, by pattern search in their logarithms: where one slip more or less
-/// decides, a difference over a small step says nothing. Not from where they cost far more than the lowest so far.
-/// Source: Hooke, Jeeves, J. ACM 8 (1961) 212.
-void search_free(const ValveFitProblem& problem, double lowest, Point& point) {
+/// decides, a difference over a small step says nothing. Source: Hooke, Jeeves, J. ACM 8 (1961) 212.
+void search_free(const ValveFitProblem& problem, Point& point) {
   point.cost = problem.cost(point.v);
-  if (point.cost > kHopelesslyHigher * lowest) return;
   int free_runs = 1;
   double step = kFirstStep;
   for (int halvings = 0; halvings < kHalvings; ++halvings, step *= 0.5) {
@@ -190,12 +185,10 @@ std::vector<JointStart> slip_starts(const Explanation& beside, const LawInFit& l
     return {};
   fit_ahead(problem, kLastFits, points.front());
   std::vector<JointStart> starts;
-  double lowest = std::numeric_limits<double>::infinity();
   for (Point& point : points) {
     problem.follow_rests(point.v);
     point.v = problem.let_go(std::move(point.v));
-    search_free(problem, lowest, point);
-    lowest = std::min(lowest, point.cost);
+    search_free(problem, point);
     starts.push_back(as_start(problem, *beside.problem, point.v, beside.options->laws.size()));
   }
   return starts;

@@ -164,9 +164,9 @@ Descent led_down(const ValveFitProblem& problem, Descent descent, double before,
 Explanation fitted_from(std::vector<Descent> scouts, Explanation extended, int most_iterations,
                         const ToReach& to_reach) {
   const ValveFitProblem& problem = *extended.problem;
+  const bool compete = scouts.size() > 1;
   int left = most_iterations;
-  double before = std::numeric_limits<double>::infinity();
-  if (scouts.size() > 1) {
+  if (compete) {
     for (Descent& scout : scouts)
       scout = descend_on(problem, std::move(scout), kScoutIterations, kSmallestGain, to_reach.matters);
     left -= kScoutIterations;
@@ -182,9 +182,9 @@ Explanation fitted_from(std::vector<Descent> scouts, Explanation extended, int m
   std::stable_sort(scouts.begin(), scouts.end(), by_cost);
   const Descent lowest = *std::min_element(scouts.begin(), scouts.end(),
                                            [](const Descent& a, const Descent& b) { return a.cost < b.cost; });
-  if (scouts.size() > 1) before = scouts.front().cost;
+  const double before = compete ? scouts.front().cost : std::numeric_limits<double>::infinity();
   Descent best = led_down(problem, scouts.front(), before, left, to_reach);
-  if (scouts.size() > 1 && problem.sticks(best.v)) {
+  if (compete && problem.sticks(best.v)) {
     // A rough cost has many valleys: from wider secants there may be a lower one beside this.
     Descent again = descent_from(problem, best.v);
     again.width = kWideAgain;

@@ -46,11 +46,11 @@ struct JointStart {
   /// free runs keeps its valley with 1.
   double width = 0;
 };
-/// What a joint fit is led to its end for.
+/// The costs that a joint fit is led on for; infinite: to its end.
 struct ToReach {
-  /// Where it leads: one that at its pace would not come down to it ends early.
-  double lead = 0;
-  /// Where it matters: one that does not seem to come down to it is given up where it stands.
+  /// At which it leads: one that at its pace would not come down to it ends early.
+  double lead = std::numeric_limits<double>::infinity();
+  /// At which it matters: one that does not seem to come down to it is given up where it stands.
   double matters = std::numeric_limits<double>::infinity();
 };
 /// One more law, everything fitted together from where its search ended, or from another start that is better after a

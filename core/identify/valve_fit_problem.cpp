@@ -365,33 +365,44 @@ IntervalSignal ValveFitProblem::behind_input_laws(const VectorXd& v, std::size_t
 std::vector<std::vector<double>> ValveFitProblem::positions(std::span<const RunAt> at) const {
   std::vector<Blocks> blocks;
   std::vector<IntervalSignal> forces;
+  std::vector<std::size_t> force_of;  // place in `forces`
   std::vector<std::vector<double>> positions(at.size());
   for (std::size_t k = 0; k < at.size(); ++k) {
     const auto& [v, recording] = at[k];
     const Prepared& prepared = prepared_[recording];
+    positions[k].resize(prepared.input.start.size());
     blocks.push_back(blocks_of(*v, recording));
     const MagneticLoop loop = loop_of(blocks.back().valve, options_.usual, (*v)(own_at(recording) + kMemory));
     const bool is_moved =
         std::any_of(options_.laws.begin(), options_.laws.end(),
                     [&, r = recording](const LawInFit& law) { return acts_at(law, Place::kInput, r); });
+    // What moves the spool alone leaves the force as it is.
+    const auto has_its_force = [&, r = recording](std::size_t other) {
+      const ValveParameters &a = blocks[k].valve, &b = blocks[other].valve;
+      return !is_moved && at[other].recording == r && a.loop_width_a == b.loop_width_a &&
+             a.narrow_loop_width_a == b.narrow_loop_width_a && (*at[other].v)(own_at(r) + kMemory) == loop.memory;
+    };
+    std::size_t same = 0;
+    while (same < k && !has_its_force(same)) ++same;
+    force_of.push_back(same < k ? force_of[same] : forces.size());
+    if (same < k) continue;
     const IntervalSignal moved = is_moved ? behind_input_laws(*v, recording) : IntervalSignal{};
     forces.push_back(is_moved ? loop.apply(moved, loop_driver(moved, prepared.gate))
                               : loop.apply(prepared.input, prepared.driver));
-    positions[k].resize(prepared.input.start.size());
   }
   std::vector<SlidingRun> sliding;
   for (std::size_t k = 0; k < at.size(); ++k) {
     const auto& [v, recording] = at[k];
     const ValveDynamics& spool = blocks[k].valve.spool;
     if (!(blocks[k].friction.breakaway_a > 0)) continue;
-    sliding.push_back({&spool, &blocks[k].friction, half_period_s(recording), &forces[k],
+    sliding.push_back({&spool, &blocks[k].friction, half_period_s(recording), &forces[force_of[k]],
                        (*v)(own_at(recording) + kMemory), positions[k], prepared_[recording].half_rests});
   }
   run_sliding_spools(sliding);
   for (std::size_t k = 0; k < at.size(); ++k) {
     const auto& [v, recording] = at[k];
     const SampledValveDynamics spool(blocks[k].valve.spool, half_period_s(recording));
-    if (!(blocks[k].friction.breakaway_a > 0)) spool.run(forces[k], positions[k]);
+    if (!(blocks[k].friction.breakaway_a > 0)) spool.run(forces[force_of[k]], positions[k]);
     SampledValveDynamics::State free =
         displaced_spool(spool, (*v)(own_at(recording) + kSpoolRate), (*v)(own_at(recording) + kSpoolPosition));
     for (double& x : positions[k]) {
@@ -472,20 +483,29 @@ std::vector<std::vector<double>> ValveFitProblem::simulate_behind_last(const Vec
   };
   std::vector<std::vector<double>> outputs(recordings.size());
   std::vector<std::size_t> whole, behind_map;  // places in `recordings`
+  const StaticMap map = map_of(v);
   std::vector<std::vector<double>> steady(recordings.size());
   std::vector<OrificeVolume> volumes(recordings.size());
   for (std::size_t k = 0; k < recordings.size(); ++k) {
     const std::size_t r = recordings[k];
     const Run& before_law = without_last[r];
     const Blocks blocks = blocks_of(v, r), before = blocks_of(v, r, last);
-    if (acts_at(law, Place::kInput, r) || acts_at(law, Place::kPosition, r) ||
-        !(blocks.valve.spool == before.valve.spool) || !(blocks.friction == before.friction)) {
+    const bool is_behind_spool = acts_at(law, Place::kPosition, r), is_behind_map = acts_at(law, Place::kSteady, r);
+    if (acts_at(law, Place::kInput, r) || !(blocks.valve.spool == before.valve.spool) ||
+        !(blocks.friction == before.friction)) {
       whole.push_back(k);
-    } else if (acts_at(law, Place::kSteady, r) || !(blocks.valve.volume == before.valve.volume)) {
+    } else if (is_behind_spool || is_behind_map || !(blocks.valve.volume == before.valve.volume)) {
       behind_map.push_back(k);
       volumes[k] = blocks.valve.volume;
-      steady[k] = acts_at(law, Place::kSteady, r) ? with_law(Place::kSteady, r, before_law.steady, before_law.mapped)
-                                                  : before_law.steady;
+      if (is_behind_spool) {
+        std::vector<double> mapped = with_law(Place::kPosition, r, before_law.position, {});
+        map.apply(mapped);
+        steady[k] = mapped;
+        apply_laws(Place::kSteady, v, r, mapped, steady[k], nullptr);
+      } else {
+        steady[k] =
+            is_behind_map ? with_law(Place::kSteady, r, before_law.steady, before_law.mapped) : before_law.steady;
+      }
     } else {
       outputs[k] = acts_at(law, Place::kOutput, r) ? with_law(Place::kOutput, r, before_law.output, before_law.asked)
                                                    : before_law.output;
