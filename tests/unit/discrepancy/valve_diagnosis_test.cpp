@@ -627,7 +627,7 @@ TEST(JointFits, AreLedOnWhereWhatTheyWereGivenUpForHasNotWon) {
   joint.fitted.push_back(extend_from(starts, beside, lag.fit, kJointSteps, {.matters = -1e9}));
   ASSERT_TRUE(joint.fitted.front().given_up);
   ASSERT_GT(joint.fitted.front().cost, whole.cost + kLeastEvidence);
-  EXPECT_FALSE(lead_on(beside, 2e9, joint)) << "what matters is lower still";
+  EXPECT_FALSE(lead_on(beside, 1e10, joint)) << "what matters is lower still";
   EXPECT_TRUE(lead_on(beside, 0, joint));
   EXPECT_NEAR(joint.fitted.front().cost, whole.cost, 1);
   EXPECT_FALSE(lead_on(beside, 0, joint)) << "there is nothing left to lead on";
