@@ -11,6 +11,21 @@ HERE = pathlib.Path(__file__).resolve().parent
 BUILD = pathlib.Path(sys.argv.pop(1)).resolve()
 ENGINE = shlex.join([sys.executable, str(HERE / "always_none.py")]) + " {folder} {reference}"
 
+# Ambiguous until the folder holds the test that it asks for.
+ASKS_FOR_A_STEP = r"""
+import json, os, sys
+folder, seen = sys.argv[1:]
+names = os.listdir(folder)
+open(seen, "a").write(",".join(names) + "\n")
+settled = any("next_test" in name for name in names)
+rows = [f"{k / 200},{0.3 if k < 200 else 0.6}" for k in range(400)]
+print(json.dumps({"discrepancy": {
+    "conclusion": "named" if settled else "ambiguous", "candidates": [],
+    "causes": [{"cause": "friction", "probability": 0.5, "alternatives": [] if settled else ["backlash"]}],
+    "next_test": {"test": "step", "expected_probability": 0.7, "separates": ["friction", "backlash"],
+                  "input_csv": "\n".join(["time_s,current_A", *rows, ""])}}}))
+"""
+
 
 class AnotherEngine(unittest.TestCase):
     def setUp(self):
@@ -43,6 +58,16 @@ class AnotherEngine(unittest.TestCase):
         answers = (self.folder / "work" / "full" / "answers.jsonl").read_text()
         self.assertEqual(self.called("full", *arguments), text)
         self.assertEqual((self.folder / "work" / "full" / "answers.jsonl").read_text(), answers)
+
+    def test_the_loop_is_closed_with_the_test_that_was_asked_for_and_the_first_answer_is_not_asked_for_again(self):
+        engine = self.folder / "asks_for_a_step.py"
+        engine.write_text(ASKS_FOR_A_STEP)
+        text = self.called("full", "--healthy", "0", "--faulty", "1", "--names", "0", "--close-loop",
+                           "--engine", shlex.join([sys.executable, str(engine)]) + f" {{folder}} {self.folder / 'seen'}")
+        self.assertIn("| right_set | right | 1 |", text)
+        before, after = (self.folder / "seen").read_text().split()
+        self.assertEqual(["next_test" in before, "next_test" in after], [False, True])
+        self.assertEqual(list((self.folder / "work" / "next_tests").iterdir()), [])
 
     def test_the_valves_of_the_full_suite_are_put_through_the_tests_that_are_asked_for(self):
         seen = self.folder / "seen"

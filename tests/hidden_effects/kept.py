@@ -23,6 +23,10 @@ class Kept:
     def __getitem__(self, key):
         return self.lines[key]
 
+    def get(self, key):
+        """None where there is no such line."""
+        return self.lines.get(key)
+
     def add(self, line):
         """`line` has its key in it."""
         self.lines[line["key"]] = line

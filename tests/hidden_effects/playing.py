@@ -70,6 +70,22 @@ class Bench:
         """What the answer to a case hangs on."""
         return hash_of(self.engine.sha, self.stand_sha, self.reference_sha, case.stand_arguments(), case.kind)[:20]
 
+    def next_test_file(self, case):
+        return self.work / "next_tests" / f"{self.key(case)}.json"
+
+    def keep_next_test(self, case, asked):
+        """With its input, which is a hundred times as long as the line of an answer."""
+        self.next_test_file(case).parent.mkdir(parents=True, exist_ok=True)
+        self.next_test_file(case).write_text(json.dumps(asked))
+
+    def kept_next_test(self, case):
+        """None where it is gone, or the run was ended while it was written."""
+        with contextlib.suppress(FileNotFoundError, ValueError):
+            return json.loads(self.next_test_file(case).read_text())
+
+    def forget_next_test(self, case):
+        self.next_test_file(case).unlink(missing_ok=True)
+
     @contextlib.contextmanager
     def played(self, case):
         """(recordings, sealed) of a case: two folders that are gone afterwards."""
@@ -126,15 +142,17 @@ def held_out_recording(case):
     return ("multisine", "staircase", "sweep", "triangle", "triangle_fast")[case.number % 5]
 
 
+def has_recording_to_hold_out(case):
+    """One cause that is large enough to ask, of a valve that was put through the whole repertoire."""
+    return (case.kind == "single" and case.plant == "valve" and case.d >= CLOSED_SHARE_D and case.tests == "full"
+            and case.effects[0][0] not in NOT_IN_OTHER_RECORDINGS)
+
+
 def held_out_errors(bench, case, recordings, clean):
     """What baseline and extended model of an analysis without one recording leave there, root mean square [psi] against
-    the noise-free output, and what the baseline of the same valve leaves of it without the effect; None where the effect
-    is too small to ask, or the engine simulates nothing."""
-    if case.kind != "single" or case.plant != "valve" or not case.d >= CLOSED_SHARE_D or not bench.engine.simulate:
-        return None
-    if case.tests != "full":
-        return None  # the recording to hold out is one of the whole repertoire's
-    if case.effects[0][0] in NOT_IN_OTHER_RECORDINGS:
+    the noise-free output, and what the baseline of the same valve leaves of it without the effect; None where there is
+    nothing to hold out, or the engine simulates nothing."""
+    if not has_recording_to_hold_out(case) or not bench.engine.simulate:
         return None
     errors = errors_without_recording(bench, case, recordings, clean, {"baseline", "extended"})
     good = dataclasses.replace(case, effects=[])

@@ -23,14 +23,15 @@ class Found:
     studies: dict   # {part: {title: outcomes}}
 
 
-def outcome_of(case, line):
-    """The outcome of a case from its line; scored anew each time, so that the scorer may change without a new analysis."""
+def outcome_of(case, line, held_out=None):
+    """The outcome of a case from its line, and from that of a recording held out; scored anew each time, so that the
+    scorer may change without a new analysis."""
     analysis = None if line["failure"] else {"discrepancy": line["answer"]}
     outcome = scoring.judge(case, analysis, line["truth"])
-    held_out = line["held_out"]
+    held_out = held_out or {"errors": None, "failure": None}
     return outcome | {
-        "closed_share": playing.share_closed(held_out), "held_out": held_out,
-        "seconds": line["seconds"], "failure": line["failure"], "truth": line["truth"],
+        "closed_share": playing.share_closed(held_out["errors"]), "held_out": held_out["errors"],
+        "seconds": line["seconds"], "failure": line["failure"] or held_out["failure"], "truth": line["truth"],
         "transfer": (line["answer"] or {}).get("transfer", [])}
 
 

@@ -40,15 +40,26 @@ def with_distances(case, line):
 
 
 def answer_line(key, bench, case):
-    """The analysis of a case, and what its models leave in a recording that they never saw."""
-    line = {"key": key, "case": case.case, "answer": None, "truth": {"effects": []}, "held_out": None, "seconds": None,
-            "failure": None}
+    """The analysis of a case. The test that it asks for is kept: to close the loop nothing is asked a second time."""
+    line = {"key": key, "case": case.case, "answer": None, "truth": {"effects": []}, "seconds": None, "failure": None}
     try:
         with bench.played(case) as (recordings, sealed):
             line["truth"] = truth_of(sealed)
             analysis, line["seconds"] = bench.engine.analyse(case, recordings, bench.reference)
             line["answer"] = trimmed(analysis)
-            line["held_out"] = playing.held_out_errors(bench, case, recordings, sealed / "clean")
+            if line["answer"] and line["answer"]["next_test"]:
+                bench.keep_next_test(case, analysis["discrepancy"]["next_test"])
+    except Failed as failure:
+        line["failure"] = str(failure)
+    return line
+
+
+def held_out_line(key, bench, case):
+    """What the models of an analysis leave in a recording that they never saw."""
+    line = {"key": key, "case": case.case, "errors": None, "failure": None}
+    try:
+        with bench.played(case) as (recordings, sealed):
+            line["errors"] = playing.held_out_errors(bench, case, recordings, sealed / "clean")
     except Failed as failure:
         line["failure"] = str(failure)
     return line
@@ -60,8 +71,10 @@ def loop_line(key, bench, case):
     line = {"key": key, "case": case.case, "answer": None, "asked": None, "failure": None}
     try:
         with bench.played(case) as (recordings, _):
-            before, _ = bench.engine.analyse(case, recordings, bench.reference)
-            line["asked"] = before["discrepancy"]["next_test"]
+            line["asked"] = bench.kept_next_test(case)
+            if line["asked"] is None:
+                before, _ = bench.engine.analyse(case, recordings, bench.reference)
+                line["asked"] = before["discrepancy"]["next_test"]
             if "input_csv" not in line["asked"]:
                 raise Failed("the next test has no input_csv")
             wanted = recordings.with_name(recordings.name + ".next_test.csv")
@@ -79,6 +92,7 @@ def loop_line(key, bench, case):
             line["answer"] = trimmed(after)
     except Failed as failure:
         line["failure"] = str(failure)
+    bench.forget_next_test(case)
     return line
 
 

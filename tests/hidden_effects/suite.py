@@ -19,6 +19,7 @@ class Suite:
         self.answers = Kept(options.work / "full" / "answers.jsonl")
         self.distances = Kept(options.work / "full" / "distances.jsonl")
         self.loops = Kept(options.work / "full" / "loops.jsonl")
+        self.held_out = Kept(options.work / "full" / "held_out.jsonl")
         self.stand = drawing.STANDS[options.stand]
         self.program = tuple(self.stand.distances_in(options.build))
         self.program_sha = engines.hash_of(self.program[0].read_bytes())
@@ -47,8 +48,9 @@ class Suite:
 
     def outcomes(self, bench, cases):
         """Of the cases that have been answered."""
-        answered = [case for case in cases if bench.key(case) in self.answers]
-        return [results.outcome_of(self.measured(case), self.answers[bench.key(case)]) for case in answered]
+        keys = [(case, bench.key(case)) for case in cases]
+        return [results.outcome_of(self.measured(case), self.answers[key], self.held_out.get(key))
+                for case, key in keys if key in self.answers]
 
     def ambiguous(self, bench, cases):
         """Those whose answer is ambiguous and asks for a test."""
@@ -81,6 +83,13 @@ class Suite:
         self.fill(pool, self.loops, "closed loops", [
             (studies.loop_line, bench.key(case), bench, case)
             for case in self.ambiguous(bench, cases) if bench.key(case) not in self.loops])
+
+    def hold_out(self, pool, bench, cases):
+        """Of the first --held-out single causes, those that are large enough."""
+        first = [self.measured(case) for case in cases if case.number < self.options.held_out]
+        self.fill(pool, self.held_out, "held out", [
+            (studies.held_out_line, bench.key(case), bench, case) for case in first
+            if bench.engine.simulate and playing.has_recording_to_hold_out(case) and bench.key(case) not in self.held_out])
 
     def fill(self, pool, kept, what, calls):
         try:
