@@ -39,4 +39,11 @@ Eigen::VectorXd TwinBench::output_after(int past) const {
   return other.output(unit_, std::vector<stand::Faults>(commands_.size()));
 }
 
+TwinBench nominal_bench(const std::vector<std::string>& tests) {
+  stand::SessionOptions options;
+  options.tests = tests;
+  options.noise_seed = 20261121;
+  return TwinBench(options, stand::Unit());
+}
+
 }  // namespace valvetriage::hidden_effects

@@ -40,4 +40,7 @@ class TwinBench {
   std::vector<Eigen::Index> begin_;
 };
 
+/// A past day of the nominal unit: what is made there serves every valve.
+TwinBench nominal_bench(const std::vector<std::string>& tests);
+
 }  // namespace valvetriage::hidden_effects

@@ -18,93 +18,11 @@ using stand::EffectRequest;
 using stand::Faults;
 using stand::Unit;
 
-constexpr double kNoisePsi = 0.35;
-constexpr int kPasts = 3;
-constexpr double kHoldPsi = 10;           // what a stuck spool may be off before the first move
 constexpr std::size_t kRefined = 6;       // rivals of the screening that are fitted by twin runs
 constexpr double kExcludedAt = 2.45;      // ½ d² = 3: twenty to one
-constexpr double kSensitivityStep = 0.5;  // of a population standard deviation
 constexpr int kIterations = 5;
 constexpr double kWorthwhile = 0.01;  // share of the squared error that a step must promise
 constexpr double kHopeless = 4;       // a fit by twin runs leaves a quarter of what the screening left, or more
-
-std::vector<Faults> healthy(const TwinBench& bench) {
-  return std::vector<Faults>(bench.recordings());
-}
-
-/// Unit parameters moved by z population standard deviations; none below a twentieth of its value.
-Unit moved(const Unit& unit, const VectorXd& z) {
-  Unit result = unit;
-  const auto& spread = stand::unit_spread();
-  for (std::size_t j = 0; j < spread.size(); ++j) {
-    double& value = spread[j].of(result);
-    const double step = spread[j].sd * z[static_cast<Index>(j)];
-    value = spread[j].relative ? value * std::max(0.05, 1 + step) : value + step;
-  }
-  return result;
-}
-
-/// 1 until the command first moves, then gone with the time constant of the volume.
-VectorXd before_the_first_move(const stand::Command& command) {
-  constexpr double kVolumeS = 0.065;
-  const std::vector<double>& value = command.value_a;
-  const auto moved = std::find_if(value.begin(), value.end(), [&](double a) { return a != value.front(); });
-  const auto held = static_cast<Index>(moved - value.begin());
-  VectorXd column(static_cast<Index>(value.size()));
-  for (Index k = 0; k < column.size(); ++k)
-    column[k] = k < held ? 1 : std::exp(-command.period_s * static_cast<double>(k - held) / kVolumeS);
-  return column;
-}
-
-}  // namespace
-
-/// What a baseline can absorb, around the nominal unit: its sensitivities and their orthogonal basis. A fit moves along
-/// them but is measured by simulation, so that they need not be the unit's own.
-struct DistanceMeter::Absorption {
-  explicit Absorption(const TwinBench& bench);
-
-  Index parameters() const { return static_cast<Index>(stand::unit_spread().size()); }
-  /// [(y − f)/σ; −θ] and [column/σ; 0]
-  VectorXd stacked(const VectorXd& error_psi, const VectorXd& theta) const {
-    VectorXd rho(error_psi.size() + theta.size());
-    rho << error_psi / kNoisePsi, -theta;
-    return rho;
-  }
-  VectorXd stacked(const VectorXd& column_psi) const { return stacked(column_psi, VectorXd::Zero(columns.cols())); }
-  VectorXd off_baseline(const VectorXd& rho) const { return rho - basis * (basis.transpose() * rho); }
-
-  MatrixXd columns;   ///< [psi] per population standard deviation, then the pasts and the first holds
-  MatrixXd basis;     ///< of [columns/σ; I]
-  MatrixXd triangle;  ///< [columns/σ; I] = basis · triangle
-};
-
-DistanceMeter::Absorption::Absorption(const TwinBench& bench) {
-  const auto recordings = static_cast<Index>(bench.recordings());
-  const VectorXd output = bench.output(bench.unit(), healthy(bench));
-  columns = MatrixXd::Zero(bench.samples(), parameters() + (kPasts + 1) * recordings);
-  for (Index j = 0; j < parameters(); ++j) {
-    const VectorXd step = kSensitivityStep * VectorXd::Unit(parameters(), j);
-    columns.col(j) = (bench.output(moved(bench.unit(), step), healthy(bench)) - output) / kSensitivityStep;
-  }
-  const auto part = [&](Index kind, std::size_t i) {
-    const Index column = parameters() + kind * recordings + static_cast<Index>(i);
-    return columns.col(column).segment(bench.begin(i), bench.size(i));
-  };
-  for (int past = 0; past < kPasts; ++past) {
-    const VectorXd difference = (bench.output_after(past) - output) / std::sqrt(static_cast<double>(kPasts));
-    for (std::size_t i = 0; i < bench.recordings(); ++i)
-      part(past, i) = difference.segment(bench.begin(i), bench.size(i));
-  }
-  for (std::size_t i = 0; i < bench.recordings(); ++i)
-    part(kPasts, i) = kHoldPsi * before_the_first_move(bench.commands()[i]);
-  MatrixXd stack(columns.rows() + columns.cols(), columns.cols());
-  stack << columns / kNoisePsi, MatrixXd::Identity(columns.cols(), columns.cols());
-  const Eigen::HouseholderQR<MatrixXd> qr(stack);
-  basis = qr.householderQ() * MatrixXd::Identity(stack.rows(), stack.cols());
-  triangle = qr.matrixQR().topRows(stack.cols()).triangularView<Eigen::Upper>();
-}
-
-namespace {
 
 /// What a fit may change beside the baseline: the numbers of a rival, the size of the other member of a pair.
 struct FreeNumbers {
@@ -120,7 +38,6 @@ struct Fit {
   double squared() const { return rho.squaredNorm(); }
 };
 
-template <class Absorption>
 class Fitter {
  public:
   Fitter(const TwinBench& bench, const Absorption& baseline, const VectorXd& observed, FreeNumbers free)
@@ -191,7 +108,7 @@ class Fitter {
     for (double share = 1; share > 0.2; share *= 0.5) {
       const VectorXd rest = from.rho - share * (columns * step);
       const VectorXd absorbed =
-          share * baseline_.triangle.template triangularView<Eigen::Upper>().solve(baseline_.basis.transpose() * rest);
+          share * baseline_.triangle.triangularView<Eigen::Upper>().solve(baseline_.basis.transpose() * rest);
       Fit next = at(from.numbers + share * step, from.theta + absorbed);
       if (next.squared() < from.squared()) return next;
     }
@@ -211,13 +128,12 @@ struct Start {
   double left;
 };
 
-template <class Absorption>
 std::vector<Start> screened(const Absorption& baseline, const ScreeningGrid& grid, const VectorXd& rho) {
   const Index samples = baseline.columns.rows();
   const VectorXd left = baseline.off_baseline(rho);
-  const Eigen::MatrixXf top = (baseline.basis.topRows(samples) / kNoisePsi).template cast<float>();
+  const Eigen::MatrixXf top = (baseline.basis.topRows(samples) / kNoisePsi).cast<float>();
   const Eigen::MatrixXf inside = top.transpose() * grid.signature;
-  const Eigen::VectorXf along = grid.signature.transpose() * (left.head(samples) / kNoisePsi).template cast<float>();
+  const Eigen::VectorXf along = grid.signature.transpose() * (left.head(samples) / kNoisePsi).cast<float>();
   std::vector<Start> best(simulated_rivals().size(), {0, {}, std::numeric_limits<double>::infinity()});
   for (std::size_t e = 0; e < grid.entries.size(); ++e) {
     const auto column = static_cast<Index>(e);
@@ -249,13 +165,11 @@ double root(double squared) {
 }
 
 /// The distances of one hidden effect, the other member of a pair being present with its size free.
-template <class Absorption>
 Distances told_from_rivals(const TwinBench& bench, const Absorption& baseline,
                            const std::function<const ScreeningGrid&()>& grid, const VectorXd& observed,
                            const std::string& hidden, const std::optional<EffectRequest>& partner,
                            const Wanted& wanted) {
-  using Fitting = Fitter<Absorption>;
-  const Fit base = Fitting(bench, baseline, observed, {nullptr, partner})
+  const Fit base = Fitter(bench, baseline, observed, {nullptr, partner})
                        .refined(VectorXd::Zero(partner ? 1 : 0), VectorXd::Zero(baseline.columns.cols()));
   Distances found{root(base.squared()), root(base.squared()), "none", 1};
   if (found.d < wanted.smallest_d) return found;
@@ -279,22 +193,10 @@ Distances told_from_rivals(const TwinBench& bench, const Absorption& baseline,
     if (found.d_name < wanted.smallest_d_name) break;
     if (refined == 4 && found.d_name > 3 * wanted.largest_d_name) break;
     if (root(start.left) > kHopeless * (found.d_name + 1)) break;
-    const Fitting fitting(bench, baseline, observed, {&rival, partner});
+    const Fitter fitting(bench, baseline, observed, {&rival, partner});
     consider(rival.cause, root(fitting.refined(coordinates(start, partner.has_value()), base.theta).squared()));
   }
   return found;
-}
-
-}  // namespace
-
-namespace {
-
-/// A past day of the nominal unit: what is made there serves every valve.
-TwinBench nominal_bench(const std::vector<std::string>& tests) {
-  stand::SessionOptions options;
-  options.tests = tests;
-  options.noise_seed = 20261121;
-  return TwinBench(options, Unit());
 }
 
 }  // namespace
@@ -341,7 +243,7 @@ Distances DistanceMeter::measure(const stand::SessionOptions& options, const Wan
     if (one.d_name < worst.d_name) worst = one;
     if (worst.d_name < wanted.smallest_d_name) return worst;
   }
-  const Fit together = Fitter<Absorption>(bench, *baseline_, observed, {})
+  const Fit together = Fitter(bench, *baseline_, observed, {})
                            .refined(VectorXd::Zero(0), VectorXd::Zero(baseline_->columns.cols()));
   worst.d = root(together.squared());
   return worst;

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "tests/hidden_effects/absorption.h"
 #include "tests/hidden_effects/bench.h"
 #include "tests/hidden_effects/rivals.h"
 
@@ -58,7 +59,6 @@ class DistanceMeter {
   Distances measure(const stand::SessionOptions& options, const Wanted& wanted);
 
  private:
-  struct Absorption;
   std::vector<std::string> tests_;
   std::shared_ptr<const Absorption> baseline_;
   std::shared_ptr<const ScreeningGrid> grid_;  ///< made when first needed

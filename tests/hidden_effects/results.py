@@ -5,6 +5,7 @@ import answer_tables
 import comparison_tables
 import detection_tables
 import playing
+import power
 import reporting
 import scoring
 
@@ -43,6 +44,7 @@ def markdown(found):
         ("Pairs, by d of the weaker cause", detection_tables.by_weaker(outcomes)),
         ("Faulty, by d_name", detection_tables.by_distance(outcomes, "d_name")),
         ("The plane of the two distances", fenced(reporting.plane_table(outcomes))),
+        ("Beside the oracle", power.against_oracle(outcomes)),
         ("By cause", detection_tables.by_cause(outcomes, found.effects)),
         ("Confusion of families", detection_tables.family_confusion(outcomes, found.effects)),
         ("Confusion of causes", detection_tables.cause_confusion(outcomes, found.effects)),

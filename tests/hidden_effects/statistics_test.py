@@ -9,6 +9,9 @@ import binomial
 import calibration
 import comparison_tables
 import detection_tables
+import power
+import sampled_floors
+from cases import Case
 from kept import Kept
 
 
@@ -40,6 +43,59 @@ class Bounds(unittest.TestCase):
     def test_nothing_counted_says_nothing(self):
         self.assertEqual(binomial.bounds(0, 0), (0, 1))
         self.assertEqual(binomial.rate(0, 0), "-")
+
+
+class Floors(unittest.TestCase):
+    def test_what_a_sample_can_count_has_probability_one_together(self):
+        self.assertAlmostEqual(math.fsum(sampled_floors.likelihood(s, 9, 41, 60) for s in range(10)), 1, places=12)
+
+    def test_of_very_many_the_floor_is_the_binomial_quantile_of_their_share(self):
+        s = sampled_floors.fewest(60, 2_940_000, 3_000_000)
+        self.assertLess(1 - binomial.tail(s, 60, 0.98), sampled_floors.RARE)
+        self.assertGreater(1 - binomial.tail(s + 1, 60, 0.98), sampled_floors.RARE)
+
+    def test_of_few_the_floor_is_lower(self):
+        self.assertLess(sampled_floors.fewest(60, 49, 50), sampled_floors.fewest(60, 2940, 3000))
+
+    def test_a_sample_is_held_against_cases_of_its_own_class_and_distance(self):
+        plain = [outcome(d_name=9.0)] * 5000
+        lost = [outcome(d_name=7.0, outcome="missed"), outcome("pair", ["friction", "leakage"], outcome="wrong", confident_wrong=True)]
+        sample = [Case("single-0000", "single"), Case("single-0001", "single"), Case("pair-0000", "pair")]
+        floors = sampled_floors.floors(plain + 2500 * lost, sample)
+        self.assertEqual(floors["single_right"], 1)
+        self.assertEqual(floors["pair_right"], 0)
+        self.assertEqual(floors["wrong_name_confident"], 1)  # one in four, and three are few
+        self.assertEqual(floors["answered_share"], 1)
+        self.assertNotIn("healthy_none", floors)
+
+
+class Power(unittest.TestCase):
+    def test_many_cases_give_the_curve_that_they_were_drawn_from_and_few_a_wide_interval(self):
+        def drawn(count):  # d even in its logarithm, each seen as often as Φ(2 ln(d / 10)) says
+            cases = []
+            for i in range(count):
+                d = 2 * 100 ** ((i + 0.5) / count)
+                chance = 0.5 * math.erfc(-2 * math.log(d / 10) / math.sqrt(2))
+                cases.append((d, (i * 0.6180339887498949) % 1 < chance))
+            return cases
+        true = 10 * math.exp(power.NINE_IN_TEN / 2)
+        middle, low, high = power.d90(drawn(2000))
+        self.assertAlmostEqual(middle / true, 1, delta=0.08)
+        self.assertTrue(low < true < high)
+        _, low_of_few, high_of_few = power.d90(drawn(40))
+        self.assertGreater(high_of_few / low_of_few, 2 * high / low)
+
+    def test_what_is_always_seen_above_a_distance_needs_no_slope_to_have_been_likeliest(self):
+        middle, low, high = power.d90([(d, d > 9) for d in (3, 4, 5, 6, 7, 8, 10, 11, 12, 14, 16, 20)])
+        self.assertTrue(8 < low < middle < high < 20)
+
+    def test_efficiency_is_the_oracles_distance_over_that_of_the_answers(self):
+        held = [outcome(d=float(d), conclusion="named" if d > 10 else "none") for d in range(2, 40)]
+        of_friction, of_all = power.efficiencies(held)
+        self.assertEqual(of_friction[:2], ["friction", 38])
+        middle = power.d90(power.seen_of(held))[0]
+        self.assertEqual(float(of_friction[-2]), round(power.oracle()["friction"][0] / middle, 2))
+        self.assertEqual(of_all[0], "all")
 
 
 class Calibration(unittest.TestCase):
