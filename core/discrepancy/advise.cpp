@@ -204,13 +204,13 @@ double distance(const Products& products, const Columns& a, const Columns& b, do
 }
 
 /// Chance that the true one reaches the settling posterior against a rival.
-double beats(double d, const PlayedTest& test, const Alternative& own, const Alternative& rival,
-             const AdviceOptions& options) {
-  const double asked = options.least_log_odds ? options.least_log_odds(own, rival, test) : 0;
-  const double odds = std::max(std::log(kSettled / (1 - kSettled) * rival.probability / own.probability), asked);
+double beats(const PlayedTest& test, const Alternative& own, const Alternative& rival, const AdviceOptions& options) {
+  const Settling asked = options.settling ? options.settling(own, rival, test) : Settling{};
+  const double by_posterior = std::log(kSettled / (1 - kSettled) * rival.probability / own.probability);
+  const double odds = std::max(by_posterior, asked.least_log_odds), d = test.distance;
   if (!std::isfinite(odds) || !std::isfinite(d)) return 0;
   if (d < 1e-9) return odds <= 0 ? 1 : 0;
-  return normal_upper_tail((odds - 0.5 * d * d) / d);
+  return normal_upper_tail((odds - 0.5 * d * d) / (d * std::sqrt(asked.noise_along)));
 }
 
 /// What one test is worth.
@@ -283,7 +283,8 @@ class Question {
     Chances chances;
     for (Index j = 0; j < apart.size(); ++j) {
       if (j == i) continue;
-      const double chance = beats(apart(j), test, rival(i), rival(j), options_);
+      test.distance = apart(j);
+      const double chance = beats(test, rival(i), rival(j), options_);
       chances.settled *= chance;
       chances.beaten += chance / static_cast<double>(apart.size() - 1);
     }

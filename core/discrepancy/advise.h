@@ -24,7 +24,14 @@ struct Alternative {
 /// A test as one alternative sees it.
 struct PlayedTest {
   std::size_t samples = 0;
-  double removed = 0;  ///< d² of the alternative and of none of them, in variances of noise_rms; 0 without `nothing`
+  double distance = 0;  ///< d of the alternative and the rival
+  double removed = 0;   ///< d² of the alternative and of none of them, in variances of noise_rms; 0 without `nothing`
+};
+
+/// What settles the question between the true one of two alternatives and the other.
+struct Settling {
+  double least_log_odds = 0;  ///< ln odds that a test must add, whatever the posterior; infinite where nothing does
+  double noise_along = 1;     ///< of what the true one leaves along their difference, in variances of the noise
 };
 
 struct AdviceOptions {
@@ -33,9 +40,8 @@ struct AdviceOptions {
   double input_low = 0, input_high = 0;  ///< what the stand may play, unit of the input
   double sample_rate_hz = 200;
   std::optional<Alternative> nothing;  ///< the valve without any of them
-  /// ln odds of the true one to a rival that settle the question between them at the least, whatever the posterior,
-  /// after a test; infinite where nothing does. Empty: 0.
-  std::function<double(const Alternative& true_one, const Alternative& rival, const PlayedTest& test)> least_log_odds;
+  /// By a test. Empty: the posterior alone settles.
+  std::function<Settling(const Alternative& true_one, const Alternative& rival, const PlayedTest& test)> settling;
 };
 
 /// The test of the stand's repertoire that is expected to tell the alternatives apart best: steps, staircase, triangles
@@ -47,12 +53,13 @@ struct AdviceOptions {
 ///
 /// where the g_k are what a refit may still move: what each alternative's `moved` models do. From d the chance that the
 /// true one reaches a posterior of 0.95, and the odds that are asked for, against a rival is Φ((d²/2 − ln(19 p_j /
-/// p_i)) / d); an alternative is settled if all its rivals are beaten, by the product of the chances, as if each asked
-/// for noise of its own (too little for several rivals on one side, too much for one between two), and a test's worth
-/// is the mean over the alternatives by their probabilities. Where none reaches 0.05, it is the chance that the true
-/// one beats a given rival: of eight alternatives no one test may settle all, and most of them go. Among equals (within
-/// a hundredth) the shortest test is taken. Where it may leave the question open, a second test is played after it in
-/// the same recording, if that adds a tenth to the chance of settling.
+/// p_i)) / (d √κ)), κ the noise along their difference: a law is never the whole physics, and what it gets wrong shows
+/// where its rival errs otherwise. An alternative is settled if all its rivals are beaten, by the product of the
+/// chances, as if each asked for noise of its own (too little for several rivals on one side, too much for one between
+/// two), and a test's worth is the mean over the alternatives by their probabilities. Where none reaches 0.05, it is
+/// the chance that the true one beats a given rival: of eight alternatives no one test may settle all, and most of them
+/// go. Among equals (within a hundredth) the shortest test is taken. Where it may leave the question open, a second
+/// test is played after it in the same recording, if that adds a tenth to the chance of settling.
 ///
 /// Only the most probable eight alternatives are compared; `none` is one of them where given. A law on a side channel
 /// is left out of the simulations: the channel of a future test is not known.

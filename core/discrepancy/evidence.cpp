@@ -113,6 +113,31 @@ Contrast contrast(const Stack& winner, const Stack& rival) {
   return contrast;
 }
 
+double noise_along(const Stack& winner, const Stack& rival) {
+  double energy = 0, largest = 1;
+  for (std::size_t r = 0; r < winner.size(); ++r) energy += (rival[r] - winner[r]).squaredNorm();
+  if (!(energy > 0)) return largest;
+  for (const Index length : kScoreBlocks) {
+    double squares = 0;
+    for (std::size_t r = 0; r < winner.size(); ++r) {
+      for (Index first = 0; first < winner[r].size(); first += length) {
+        const Index count = std::min(length, winner[r].size() - first);
+        const auto left = winner[r].segment(first, count);
+        squares += std::pow((rival[r].segment(first, count) - left).dot(left), 2);
+      }
+    }
+    largest = std::max(largest, squares / energy);
+  }
+  return largest;
+}
+
+double gain_to_be_borne_out(const Contrast& known, double least_z, double d, double samples, double noise_along) {
+  const double known_scatter = known.z != 0 ? std::pow(known.difference / known.z, 2) : 0;
+  const double blocks = std::max(1.0, samples / static_cast<double>(kScoreBlocks.back()));
+  const double scatter = known_scatter + 4 * noise_along * d * d + std::pow(d, 4) / blocks;
+  return least_z * std::sqrt(scatter) - known.difference;
+}
+
 double square_p_value(double times, double mean, double sd, int n, double most) {
   constexpr int kQuantiles = 32;  // of equal probability
   const auto beyond = [&](double freedoms) { return fisher_f_upper_tail(freedoms, freedoms * n, times); };

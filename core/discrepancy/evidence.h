@@ -62,6 +62,17 @@ struct Contrast {
 };
 Contrast contrast(const Stack& winner, const Stack& rival);
 
+/// Variance of what the winner leaves along its difference from a rival, in that of white noise, 1 at the least: what
+/// both get wrong of the valve does not average out over a block, and the longer it lasts the less a difference says.
+/// The largest over block lengths of Σ_b (Δ_b·r_b)² / Σ Δ².
+double noise_along(const Stack& winner, const Stack& rival);
+
+/// What a further difference of the squares has to be for z of the contrast to reach `least_z`: of a test of so many
+/// samples on which the two lie d apart, spread evenly over it.
+///
+/// noise_along  as above
+double gain_to_be_borne_out(const Contrast& known, double least_z, double d, double samples, double noise_along);
+
 /// The evidence for a cause that good valves show, each against the others.
 struct GoodValveEvidence {
   double mean = 0;

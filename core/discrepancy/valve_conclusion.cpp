@@ -416,6 +416,28 @@ const Ranked* entry_of(const std::string& cause, std::span<const Ranked> ranked)
   return found == ranked.end() ? nullptr : &*found;
 }
 
+/// What the recordings say between a winner and a rival.
+struct ToldApart {
+  Contrast contrast;
+  double noise_along = 1;
+};
+
+/// Looked at once for each pair, whatever the number of tests.
+class PairsToldApart {
+ public:
+  const ToldApart& of(const Ranked& winner, const Ranked& rival) {
+    const auto [told, is_new] = told_.try_emplace({&winner, &rival});
+    if (is_new) {
+      told->second = {.contrast = contrast(winner.residual, rival.residual),
+                      .noise_along = noise_along(winner.residual, rival.residual)};
+    }
+    return told->second;
+  }
+
+ private:
+  std::map<std::pair<const Ranked*, const Ranked*>, ToldApart> told_;
+};
+
 std::optional<NextTest> next_test(const Grounds& grounds, const std::vector<NamedCause>& causes, bool leaves_usual) {
   const auto open = open_place(causes);
   if (!open) return std::nullopt;
@@ -439,13 +461,23 @@ std::optional<NextTest> next_test(const Grounds& grounds, const std::vector<Name
   const std::vector<Ranked>& ranked = grounds.searched.places[*open].ranked;
   const double left_per_sample = std::pow(advice.bias_rms / advice.noise_rms, 2);
   advice.nothing = alternative(without(explanation, *open, kRefitSteps), "none", 0, grounds.inflation);
-  advice.least_log_odds = [&](const Alternative& true_one, const Alternative& rival, const PlayedTest& test) {
+  PairsToldApart told_apart;
+  const bool is_family_open = leaves_memory(*explanation.laws[*open].law.law, explanation.v, grounds.options);
+  advice.settling = [&](const Alternative& true_one, const Alternative& rival, const PlayedTest& test) -> Settling {
     const Ranked *winner = entry_of(true_one.cause, ranked), *other = entry_of(rival.cause, ranked);
-    if (!winner || !other) return 0.5 * kLeastEvidence;
+    if (!winner || !other) return {0.5 * kLeastEvidence};
+    if (is_family_open && true_one.cause == causes[*open].cause && are_kin(*winner, *other))
+      return {std::numeric_limits<double>::infinity()};
+    const auto samples = static_cast<double>(test.samples);
     // Where laws leave structure more samples leave more of it.
-    const FurtherRecordings further{left_per_sample * static_cast<double>(test.samples), test.removed};
-    return 0.5 *
-           lead_still_asked_for(*winner, *other, ranked, leaves_usual, further, grounds.inflation, grounds.options);
+    const FurtherRecordings further{left_per_sample * samples, test.removed};
+    double lead =
+        lead_still_asked_for(*winner, *other, ranked, leaves_usual, further, grounds.inflation, grounds.options);
+    const ToldApart& told = told_apart.of(*winner, *other);
+    if (const auto least_z = least_contrast(*winner, leaves_usual)) {
+      lead = std::max(lead, gain_to_be_borne_out(told.contrast, *least_z, test.distance, samples, told.noise_along));
+    }
+    return {0.5 * lead, told.noise_along};
   };
   return advise_next_test(alternatives_at(grounds, *open, causes[*open]), advice);
 }

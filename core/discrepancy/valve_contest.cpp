@@ -333,10 +333,6 @@ double scatter_between(const Ranked& a, const Ranked& b, const ValveDiagnosisOpt
   return student_t_upper_quantile(n - 1, kRareInGoodValves) * std::sqrt(variance * (1 + 1 / n));
 }
 
-bool are_kin(const Ranked& a, const Ranked& b) {
-  return find_mechanism(a.cause)->family == find_mechanism(b.cause)->family;
-}
-
 /// The share of what a winner removes that a rival removes which is near.
 double margin(const Ranked& winner, const Ranked& rival) {
   return are_kin(winner, rival) ? kFamilyMargin : kMargin;
@@ -646,6 +642,10 @@ Survey survey_all(const LinearisedValve& linear, const Explanation& beside, bool
 
 }  // namespace
 
+bool are_kin(const Ranked& a, const Ranked& b) {
+  return find_mechanism(a.cause)->family == find_mechanism(b.cause)->family;
+}
+
 double Tested::size() const {
   const std::size_t at = fit.law.law->size_parameter;
   return at < fit.parameters.size() ? fit.parameters[at] : 1;
@@ -662,6 +662,7 @@ double own_excess(const Mechanism& law, const VectorXd& v, const ValveFitOptions
 
 double lead_still_asked_for(const Ranked& winner, const Ranked& rival, std::span<const Ranked> all, bool leaves_usual,
                             const FurtherRecordings& further, double inflation, const ValveDiagnosisOptions& options) {
+  if (winner.cause == "backlash" && rival.sticks) return std::numeric_limits<double>::infinity();
   const double near = (1 - margin(winner, rival)) * (winner.reduction + further.removed);
   const double until_far = (near - (winner.reduction - reduction_within_reach(rival, all))) / inflation;
   if (is_never_out(rival, winner)) return until_far;
@@ -671,6 +672,12 @@ double lead_still_asked_for(const Ranked& winner, const Ranked& rival, std::span
     told_apart = std::max(told_apart, (clearly_more(winner, rival) - 1) * left);
   }
   return std::min(told_apart - (winner.reduction - rival.reduction) / inflation, until_far);
+}
+
+std::optional<double> least_contrast(const Ranked& winner, bool leaves_usual) {
+  if (winner.sticks) return normal_upper_quantile(kFalseAlarm);
+  if (leaves_usual) return std::nullopt;
+  return 0.5 * std::sqrt(kLeastEvidence);
 }
 
 bool leaves_memory(const Mechanism& law, const VectorXd& v, const ValveDiagnosisOptions& options) {

@@ -50,6 +50,9 @@ struct Ranked {
   bool stands_out = false;      ///< from what good valves show, all laws searched, or with what it accounts for
 };
 
+/// Whether two causes are of one family.
+bool are_kin(const Ranked& a, const Ranked& b);
+
 /// A cause beside given others: the best of its rivals with their probabilities.
 struct Contest {
   std::optional<Explanation> best;  ///< empty: nothing stands out from good valves
@@ -97,12 +100,19 @@ struct FurtherRecordings {
   double removed = 0;  ///< what it removes there
 };
 /// Inflated noise variances by which a winner must still come to lead a rival before that is out: it is told apart, or
-/// it is no longer near.
+/// it is no longer near. Infinite where the rival is friction and the winner play: friction that is the same at rest
+/// and in motion is play.
 ///
 /// all           the causes of their place
 /// leaves_usual  whether the winner leaves nothing that good valves do not leave
 double lead_still_asked_for(const Ranked& winner, const Ranked& rival, std::span<const Ranked> all, bool leaves_usual,
                             const FurtherRecordings& further, double inflation, const ValveDiagnosisOptions& options);
+
+/// z of the contrast between a winner and a rival below which the one is not borne out against the other; none where it
+/// need not be.
+///
+/// leaves_usual  as above
+std::optional<double> least_contrast(const Ranked& winner, bool leaves_usual);
 
 /// What the valve's own loops at v hold beyond good valves' mean of what a law of memory does too [A]; 0 for any other.
 double own_excess(const Mechanism& law, const Eigen::VectorXd& v, const ValveFitOptions& options);

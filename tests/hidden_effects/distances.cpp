@@ -18,8 +18,8 @@ using stand::EffectRequest;
 using stand::Faults;
 using stand::Unit;
 
-constexpr std::size_t kRefined = 6;       // rivals of the screening that are fitted by twin runs
-constexpr double kExcludedAt = 2.45;      // ½ d² = 3: twenty to one
+constexpr std::size_t kRefined = 6;   // rivals of the screening that are fitted by twin runs
+constexpr double kExcludedAt = 2.45;  // ½ d² = 3: twenty to one
 constexpr int kIterations = 5;
 constexpr double kWorthwhile = 0.01;  // share of the squared error that a step must promise
 constexpr double kHopeless = 4;       // a fit by twin runs leaves a quarter of what the screening left, or more
@@ -243,8 +243,8 @@ Distances DistanceMeter::measure(const stand::SessionOptions& options, const Wan
     if (one.d_name < worst.d_name) worst = one;
     if (worst.d_name < wanted.smallest_d_name) return worst;
   }
-  const Fit together = Fitter(bench, *baseline_, observed, {})
-                           .refined(VectorXd::Zero(0), VectorXd::Zero(baseline_->columns.cols()));
+  const Fit together =
+      Fitter(bench, *baseline_, observed, {}).refined(VectorXd::Zero(0), VectorXd::Zero(baseline_->columns.cols()));
   worst.d = root(together.squared());
   return worst;
 }

@@ -22,10 +22,10 @@ using stand::Random;
 
 constexpr double kNineInTen = 1.2815515655446004;
 constexpr int kSizes = 24;
-constexpr int kSeconds = 5;       // values of a second number
-constexpr Index kInstants = 20;   // rows between the instants of a contact
-constexpr Index kBatch = 4096;    // good valves that are drawn at once
-constexpr double kKept = 1e-6;    // of the largest eigenvalue
+constexpr int kSeconds = 5;         // values of a second number
+constexpr Index kInstants = 20;     // rows between the instants of a contact
+constexpr Index kBatch = 4096;      // good valves that are drawn at once
+constexpr double kKept = 1e-6;      // of the largest eigenvalue
 constexpr double kShortest = 1e-3;  // of the longest signature: what is shorter has no direction of its own
 constexpr std::size_t kOutputCauses = 6;
 
@@ -91,7 +91,8 @@ double exceeded_at(const std::vector<double>& sorted, double rate) {
   return root_of_falling([&](double z) { return signatures * tail_of_normal(z) - rate; }, counted, 40);
 }
 
-SearchOf by_drawing(const std::string& cause, const MatrixXd& directions, double causes, Index draws, bool either_sign) {
+SearchOf by_drawing(const std::string& cause, const MatrixXd& directions, double causes, Index draws,
+                    bool either_sign) {
   SearchOf found{cause, {}, {}};
   const std::vector<double> sorted = greatest(directions, draws, either_sign);
   for (std::size_t a = 0; a < kAlarms.size(); ++a) {
@@ -145,7 +146,8 @@ template <class Function>
 VectorXd column_of(const TwinBench& bench, Function value) {
   VectorXd column(bench.samples());
   for (std::size_t i = 0; i < bench.recordings(); ++i)
-    for (Index k = 0; k < bench.size(i); ++k) column[bench.begin(i) + k] = value(i, bench.commands()[i].period_s * static_cast<double>(k));
+    for (Index k = 0; k < bench.size(i); ++k)
+      column[bench.begin(i) + k] = value(i, bench.commands()[i].period_s * static_cast<double>(k));
   return column;
 }
 
@@ -173,7 +175,8 @@ class Tone {
     return root_of_falling(
         [&](double d) {
           const auto held = drawn(d);
-          const auto above = std::count_if(held.begin(), held.end(), [&](const auto& one) { return one.first > threshold; });
+          const auto above =
+              std::count_if(held.begin(), held.end(), [&](const auto& one) { return one.first > threshold; });
           return 0.9 - static_cast<double>(above) / kDraws;
         },
         0, 3 * threshold);
@@ -205,8 +208,7 @@ SearchOf of_tone(const std::string& cause, const TwinBench& bench, double places
   const Tone tone(bench);
   SearchOf found{cause, {}, {}};
   for (std::size_t a = 0; a < kAlarms.size(); ++a) {
-    found.threshold[a] =
-        root_of_falling([&](double z) { return places * tone.tail(z) - kAlarms[a] / causes; }, 1, 30);
+    found.threshold[a] = root_of_falling([&](double z) { return places * tone.tail(z) - kAlarms[a] / causes; }, 1, 30);
     found.d90[a] = tone.seen_at(found.threshold[a]);
   }
   return found;
@@ -229,8 +231,8 @@ std::vector<SearchOf> oracle(const std::vector<std::string>& tests) {
   const auto causes = static_cast<double>(simulated_rivals().size() + kOutputCauses);
   std::vector<SearchOf> found;
   for (const Rival& rival : simulated_rivals())
-    found.push_back(by_drawing(rival.cause, directions(baseline, signatures_of(bench, healthy_psi, rival)), causes,
-                               kDraws, false));
+    found.push_back(
+        by_drawing(rival.cause, directions(baseline, signatures_of(bench, healthy_psi, rival)), causes, kDraws, false));
   const auto search_columns = [&](const std::string& cause, const std::vector<VectorXd>& columns, Index draws) {
     found.push_back(by_drawing(cause, directions(baseline, columns), causes, draws, true));
   };

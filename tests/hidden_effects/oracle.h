@@ -29,8 +29,8 @@ struct SearchOf {
 /// tells apart between 0.5 and 45 Hz; hunting as many between 2 and 20 Hz at each of four levels.
 ///
 /// Thresholds are quantiles of a million drawn good valves (of 2e5 for the instants of an intermittent contact, whose
-/// tail is continued as that of independent signatures), those of tones by importance sampling. rectified_sensor is left
-/// out: it hides in another machine.
+/// tail is continued as that of independent signatures), those of tones by importance sampling. rectified_sensor is
+/// left out: it hides in another machine.
 std::vector<SearchOf> oracle(const std::vector<std::string>& tests);
 
 }  // namespace valvetriage::hidden_effects

@@ -1,6 +1,7 @@
 """Bounds of shares, calibration of probabilities, and the tables of RESULTS.md, on numbers that are made up."""
 import math
 import pathlib
+import statistics
 import tempfile
 import unittest
 
@@ -87,7 +88,13 @@ class Power(unittest.TestCase):
 
     def test_what_is_always_seen_above_a_distance_needs_no_slope_to_have_been_likeliest(self):
         middle, low, high = power.d90([(d, d > 9) for d in (3, 4, 5, 6, 7, 8, 10, 11, 12, 14, 16, 20)])
-        self.assertTrue(8 < low < middle < high < 20)
+        self.assertTrue(8 < low < 9 < middle < 16 < high)
+
+    def test_the_drawn_oracle_of_a_cause_with_one_signature_is_that_of_the_closed_form(self):
+        normal, causes = statistics.NormalDist(), len(power.oracle())
+        for drawn, alarm in zip(power.oracle()["sensor_offset"], (0.01, 0.001)):
+            exact = normal.inv_cdf(1 - alarm / causes / 2) + normal.inv_cdf(0.9)
+            self.assertAlmostEqual(drawn / exact, 1, delta=0.02)
 
     def test_efficiency_is_the_oracles_distance_over_that_of_the_answers(self):
         held = [outcome(d=float(d), conclusion="named" if d > 10 else "none") for d in range(2, 40)]

@@ -183,9 +183,9 @@ TEST(Advise, TellsHowMuchOfACauseATestShows) {
                                       alternative("extra_lag", {0.03, 0}, 0.5, {1e-4, 0})};
   std::vector<double> removed;
   AdviceOptions options = kStand;
-  options.least_log_odds = [&](const Alternative&, const Alternative&, const PlayedTest& test) {
+  options.settling = [&](const Alternative&, const Alternative&, const PlayedTest& test) {
     removed.push_back(test.removed);
-    return 0.0;
+    return Settling{};
   };
   const std::vector<double> step = [] {
     std::vector<double> current(400, 1.2);
@@ -217,7 +217,9 @@ TEST(Advise, WhatIsAskedForBesideThePosteriorMakesATestSettleLess) {
   const std::vector<Alternative> open{alternative("gain_loss", {0.998}, 0.5), alternative("none", {}, 0.5)};
   const auto chance = [&](double least_log_odds) {
     AdviceOptions options = kStand;
-    options.least_log_odds = [=](const Alternative&, const Alternative&, const PlayedTest&) { return least_log_odds; };
+    options.settling = [=](const Alternative&, const Alternative&, const PlayedTest&) {
+      return Settling{.least_log_odds = least_log_odds};
+    };
     const auto next = advise_next_test(open, options);
     return next ? next->expected_probability : 0;
   };
@@ -225,13 +227,48 @@ TEST(Advise, WhatIsAskedForBesideThePosteriorMakesATestSettleLess) {
   EXPECT_LT(chance(100), chance(0) - 0.1);
 }
 
+TEST(Advise, PromisesLessWhereWhatACauseGetsWrongIsLoudAlongTheDifference) {
+  const std::vector<Alternative> open{alternative("gain_loss", {0.998}, 0.5), alternative("none", {}, 0.5)};
+  const auto chance = [&](double noise_along) {
+    AdviceOptions options = kStand;
+    options.settling = [=](const Alternative&, const Alternative&, const PlayedTest&) {
+      return Settling{.noise_along = noise_along};
+    };
+    const auto next = advise_next_test(open, options);
+    return next ? next->expected_probability : 0;
+  };
+  EXPECT_GT(chance(1), 0.9);
+  EXPECT_LT(chance(25), chance(4));
+  EXPECT_LT(chance(4), chance(1));
+}
+
+TEST(Advise, TellsHowFarApartTheTwoAreOnATest) {
+  std::vector<double> distances;
+  AdviceOptions options = kStand;
+  options.settling = [&](const Alternative&, const Alternative&, const PlayedTest& test) {
+    distances.push_back(test.distance);
+    return Settling{};
+  };
+  std::vector<double> step(400, 1.2);
+  std::fill(step.begin() + 100, step.end(), 1.6);
+  const std::vector<Alternative> open{alternative("extra_lag", {0.02, 0}, 0.5, {1e-4, 0}),
+                                      alternative("extra_lag", {0.021, 0}, 0.5, {1e-4, 0})};
+  chance_to_settle(open, step, options);
+  const std::vector<Alternative> farther{open[0], alternative("extra_lag", {0.022, 0}, 0.5, {1e-4, 0})};
+  chance_to_settle(farther, step, options);
+  ASSERT_EQ(distances.size(), 4u);
+  EXPECT_EQ(distances[0], distances[1]);
+  EXPECT_NEAR(distances[2] / distances[0], 2, 0.2);
+}
+
 TEST(Advise, PromisesNothingForACauseWhoseRivalNoLeadSettles) {
   const std::vector<Alternative> open{alternative("gain_loss", {0.95}, 0.25), alternative("none", {}, 0.75)};
   const auto chance = [&](bool is_asked) {
     AdviceOptions options = kStand;
     if (is_asked) {
-      options.least_log_odds = [](const Alternative& true_one, const Alternative&, const PlayedTest&) {
-        return true_one.cause == "none" ? std::numeric_limits<double>::infinity() : 0.0;
+      options.settling = [](const Alternative& true_one, const Alternative&, const PlayedTest&) {
+        const bool is_none = true_one.cause == "none";
+        return Settling{.least_log_odds = is_none ? std::numeric_limits<double>::infinity() : 0.0};
       };
     }
     return advise_next_test(open, options)->expected_probability;

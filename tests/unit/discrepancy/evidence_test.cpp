@@ -115,6 +115,25 @@ TEST(Evidence, AContrastThatOnePlaceMakesAndAnotherDeniesIsNone) {
   EXPECT_LT(found.z, 1);
 }
 
+TEST(Evidence, NoiseAlongADifferenceIsThatOfWhiteNoiseUnlessTheWinnerErrsAlongIt) {
+  const Stack white = noise(0, 5);
+  EXPECT_LT(noise_along(white, with_signature(white, 0.5)), 2);
+  EXPECT_EQ(noise_along(white, white), 1);
+  // Half of the signature is in what the winner leaves as well, its sign the same all over a block.
+  const Stack winner = with_signature(white, 0.5), rival = with_signature(white, 1);
+  EXPECT_GT(noise_along(winner, rival), 5);
+}
+
+TEST(Evidence, AGainIsBorneOutWhereItsContrastReachesWhatIsAsked) {
+  // In white noise, spread over many blocks, z is d / 2.
+  EXPECT_NEAR(gain_to_be_borne_out({}, 2.5, 5, 1e9, 1), 25, 1e-3);
+  EXPECT_GT(gain_to_be_borne_out({}, 2.5, 5, 1e9, 4), 49);
+  EXPECT_GT(gain_to_be_borne_out({}, 2.5, 5, 256, 1), 60);  // in one block
+  // What is known counts, for the rival too.
+  EXPECT_LT(gain_to_be_borne_out({.difference = 100, .z = 5}, 2.5, 5, 1e9, 1), 0);
+  EXPECT_GT(gain_to_be_borne_out({.difference = -100, .z = -5}, 2.5, 5, 1e9, 1), 125);
+}
+
 TEST(Evidence, NoiseAloneIsNoCause) {
   // χ² of one degree: a reduction of 3.84 has five per cent, were the spread of good valves known.
   EXPECT_NEAR(good_valve_p_value(Evidence{3.84}, 1, 1, {.mean = 0, .valves = 100000}), 0.05, 0.001);

@@ -962,6 +962,17 @@ TEST(LeadStillAskedFor, IsWhatPutsARivalOut) {
   const Ranked play{.cause = "backlash", .reduction = 950, .fitted_jointly = true, .sticks = true};
   EXPECT_NEAR(lead(friction, {}, true, {.removed = 2000}), (3000.0 / 6 - 250) / 2, 1e-9);
   EXPECT_NEAR(lead(friction, {&play, 1}, true, {.removed = 2000}), (3000.0 / 6 - 50) / 2, 1e-9);
+  // Friction that is the same at rest and in motion is play: nothing puts it out beside that.
+  const Ranked free_play{.cause = "backlash", .reduction = 1000, .fitted_jointly = true};
+  EXPECT_EQ(lead_still_asked_for(free_play, friction, {}, true, {.removed = 2000}, 2, {.good_valves = 8}),
+            std::numeric_limits<double>::infinity());
+}
+
+TEST(LeastContrast, IsAskedOfWhatSticksAndOfWhatLeavesMoreThanGoodValvesDo) {
+  const Ranked leak{.cause = "leakage"}, friction{.cause = "friction", .sticks = true};
+  EXPECT_FALSE(least_contrast(leak, true));
+  EXPECT_EQ(least_contrast(leak, false), 2.5);  // 4 z² of 25, in both directions together
+  EXPECT_NEAR(*least_contrast(friction, true), 2.576, 1e-3);
 }
 
 TEST(ValveDiagnosis, AsksForATestOverTheRangeOfGoodValvesAndNotOfTheOneStepThatThereIs) {
