@@ -24,8 +24,6 @@ using Eigen::VectorXd;
 
 constexpr std::size_t kMostAlternatives = 8;
 constexpr double kSettled = 0.95;  // posterior that the contract calls settled
-// Chance of settling the question, or of beating a rival: below, no test of the repertoire is worth its time.
-constexpr double kWorthAsking = 0.05;
 // Chance of settling the question that a second test after the first has to add to be worth its time.
 constexpr double kWorthASecond = 0.1;
 constexpr double kEqual = 0.01;      // tests whose worth differs by a smaller share are equal

@@ -11,6 +11,10 @@
 
 namespace valvetriage {
 
+/// Chance of settling the question below which a test is asked for no more than the rivals that it beats, and of
+/// beating a rival below which no test of the repertoire is worth its time.
+inline constexpr double kWorthAsking = 0.05;
+
 /// One explanation that the data leave open.
 struct Alternative {
   std::string cause;  ///< as a candidate's: a cause, a pair "friction+leakage", "none"

@@ -9,6 +9,7 @@
 #include <set>
 #include <utility>
 
+#include "core/discrepancy/advise.h"
 #include "core/mechanisms/mechanism.h"
 
 namespace valvetriage::report {
@@ -253,7 +254,9 @@ std::string next_test_sentence(const Discrepancy& discrepancy) {
   std::string text = fmt::format("Next test: {}.", test.test);
   if (!test.why.empty()) text += fmt::format(" {}", capitalised(test.why));
   if (!text.ends_with('.')) text += '.';
-  if (std::isfinite(test.expected_probability) && test.expected_probability > 0) {
+  if (test.expected_probability < kWorthAsking) {
+    text += " It is not expected to settle the cause, but to leave fewer rivals.";
+  } else if (std::isfinite(test.expected_probability)) {
     text += fmt::format(" It is expected to settle the cause with a probability of {}.",
                         percent(test.expected_probability));
   }

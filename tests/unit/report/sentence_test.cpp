@@ -74,6 +74,9 @@ TEST(Sentence, OfAnAmbiguousResultSaysWhatToTestNextOrThatNoTestWouldSettleIt) {
   analysis.discrepancy->next_test = NextTest{.test = "triangle in 3 s", .expected_probability = 0.8};
   EXPECT_EQ(summarise(analysis).next_test,
             "Next test: triangle in 3 s. It is expected to settle the cause with a probability of 80 %.");
+  analysis.discrepancy->next_test->expected_probability = 0.02;
+  EXPECT_EQ(summarise(analysis).next_test,
+            "Next test: triangle in 3 s. It is not expected to settle the cause, but to leave fewer rivals.");
   EXPECT_EQ(summarise(with(Conclusion::kNamed, {sticking()})).next_test, "");
 }
 
