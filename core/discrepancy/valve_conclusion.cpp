@@ -468,14 +468,14 @@ std::optional<NextTest> next_test(const Grounds& grounds, const std::vector<Name
     if (!winner || !other) return {0.5 * kLeastEvidence};
     if (is_family_open && true_one.cause == causes[*open].cause && are_kin(*winner, *other))
       return {std::numeric_limits<double>::infinity()};
-    const auto samples = static_cast<double>(test.samples);
+    const auto n = static_cast<double>(test.samples);
     // Where laws leave structure more samples leave more of it.
-    const FurtherRecordings further{left_per_sample * samples, test.removed};
+    const FurtherRecordings further{left_per_sample * n, test.removed};
     double lead =
         lead_still_asked_for(*winner, *other, ranked, leaves_usual, further, grounds.inflation, grounds.options);
     const ToldApart& told = told_apart.of(*winner, *other);
     if (const auto least_z = least_contrast(*winner, leaves_usual)) {
-      lead = std::max(lead, gain_to_be_borne_out(told.contrast, *least_z, test.distance, samples, told.noise_along));
+      lead = std::max(lead, gain_to_be_borne_out(told.contrast, *least_z, test.distance, n, told.noise_along));
     }
     return {0.5 * lead, told.noise_along};
   };
