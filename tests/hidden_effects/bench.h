@@ -22,8 +22,20 @@ class TwinBench {
   std::size_t recordings() const { return commands_.size(); }
   Eigen::Index begin(std::size_t recording) const { return begin_[recording]; }
   Eigen::Index size(std::size_t recording) const { return begin_[recording + 1] - begin_[recording]; }
+  double time_s(std::size_t recording, Eigen::Index row) const {
+    return commands_[recording].period_s * static_cast<double>(row);
+  }
   const std::vector<stand::Command>& commands() const { return commands_; }
   const stand::Environment& environment(std::size_t recording) const { return environments_[recording]; }
+
+  /// All recordings one after the other, value(recording, row) in each row.
+  template <class Function>
+  Eigen::VectorXd column_of(Function value) const {
+    Eigen::VectorXd column(samples());
+    for (std::size_t i = 0; i < recordings(); ++i)
+      for (Eigen::Index k = 0; k < size(i); ++k) column[begin(i) + k] = value(i, k);
+    return column;
+  }
 
   /// The faults that effects make, by recording.
   std::vector<stand::Faults> faults(const std::vector<stand::EffectRequest>& effects) const;

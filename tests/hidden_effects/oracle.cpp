@@ -142,15 +142,6 @@ std::vector<VectorXd> signatures_of_contacts(const TwinBench& bench, const Vecto
   return found;
 }
 
-template <class Function>
-VectorXd column_of(const TwinBench& bench, Function value) {
-  VectorXd column(bench.samples());
-  for (std::size_t i = 0; i < bench.recordings(); ++i)
-    for (Index k = 0; k < bench.size(i); ++k)
-      column[bench.begin(i) + k] = value(i, bench.commands()[i].period_s * static_cast<double>(k));
-  return column;
-}
-
 /// One amplitude in all recordings and a phase of its own in each. With w_i the root of a recording's share of the
 /// samples and ρ_i the moduli of its complex correlation, z = Σ w_i ρ_i.
 class Tone {
@@ -237,9 +228,9 @@ std::vector<SearchOf> oracle(const std::vector<std::string>& tests) {
     found.push_back(by_drawing(cause, directions(baseline, columns), causes, draws, true));
   };
   search_columns("sensor_offset", {VectorXd::Ones(bench.samples())}, kDraws);
-  search_columns("sensor_drift", {column_of(bench, [](std::size_t, double time_s) { return time_s; })}, kDraws);
+  search_columns("sensor_drift", {bench.column_of([&](std::size_t i, Index k) { return bench.time_s(i, k); })}, kDraws);
   const auto channel = [&](auto value) {
-    return column_of(bench, [&](std::size_t i, double time_s) { return value(bench.environment(i), time_s); });
+    return bench.column_of([&](std::size_t i, Index k) { return value(bench.environment(i), bench.time_s(i, k)); });
   };
   search_columns("side_input",
                  {channel([](const stand::Environment& around, double time_s) {

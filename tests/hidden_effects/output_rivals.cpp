@@ -16,18 +16,6 @@ using Whitener = std::function<VectorXd(const VectorXd&)>;
 constexpr double kTwoPi = 2 * std::numbers::pi;
 constexpr double kPeriodS = 0.005;
 
-double time_s(Index row) {
-  return kPeriodS * static_cast<double>(row);
-}
-
-template <class Function>
-VectorXd column_of(const TwinBench& bench, Function value) {
-  VectorXd column(bench.samples());
-  for (std::size_t i = 0; i < bench.recordings(); ++i)
-    for (Index k = 0; k < bench.size(i); ++k) column[bench.begin(i) + k] = value(i, k);
-  return column;
-}
-
 double left_by(const VectorXd& left, const VectorXd& column) {
   const double energy = column.squaredNorm();
   if (energy < 1e-9) return left.squaredNorm();
@@ -78,7 +66,7 @@ double left_by_tone(const TwinBench& bench, const VectorXd& left, const Whitener
     turn[i] = along / std::max(std::abs(along), 1e-12);
   }
   return left_by(left,
-                 whitened(column_of(bench, [&](std::size_t i, Index k) { return (turn[i] * phasor(i, k)).real(); })));
+                 whitened(bench.column_of([&](std::size_t i, Index k) { return (turn[i] * phasor(i, k)).real(); })));
 }
 
 /// Sum over recordings of |<left, tone>|: what one amplitude with free phases would explain.
@@ -148,20 +136,21 @@ std::vector<OutputFit> output_rivals(const TwinBench& bench, const VectorXd& hea
   std::vector<OutputFit> fits;
   fits.push_back({"sensor_offset", left_by(left, whitened(VectorXd::Ones(bench.samples())))});
   fits.push_back(
-      {"sensor_drift", left_by(left, whitened(column_of(bench, [](std::size_t, Index k) { return time_s(k); })))});
-  const VectorXd warm = column_of(bench, [&](std::size_t i, Index k) {
+      {"sensor_drift",
+       left_by(left, whitened(bench.column_of([&](std::size_t i, Index k) { return bench.time_s(i, k); })))});
+  const VectorXd warm = bench.column_of([&](std::size_t i, Index k) {
     const stand::Environment& around = bench.environment(i);
-    return around.temperature_c.at(time_s(k)) - around.day_temperature_c;
+    return around.temperature_c.at(bench.time_s(i, k)) - around.day_temperature_c;
   });
-  const VectorXd supply = column_of(bench, [&](std::size_t i, Index k) {
+  const VectorXd supply = bench.column_of([&](std::size_t i, Index k) {
     const stand::Environment& around = bench.environment(i);
-    return around.supply_psi.at(time_s(k)) - around.day_supply_psi;
+    return around.supply_psi.at(bench.time_s(i, k)) - around.day_supply_psi;
   });
   fits.push_back({"side_input", std::min(left_by(left, whitened(warm)), left_by(left, whitened(supply)))});
   fits.push_back({"intermittent", left_by_contact(bench, healthy_psi, left, whitened)});
   const double hertz = strongest_hz(bench, left);
-  fits.push_back({"periodic_disturbance", left_by_tone(bench, left, whitened, [&](std::size_t, Index k) {
-                    return std::polar(1.0, kTwoPi * hertz * time_s(k));
+  fits.push_back({"periodic_disturbance", left_by_tone(bench, left, whitened, [&](std::size_t i, Index k) {
+                    return std::polar(1.0, kTwoPi * hertz * bench.time_s(i, k));
                   })});
   fits.push_back({"self_oscillation", left_by_best_hunting(bench, healthy_psi, left, whitened, hertz)});
   return fits;
