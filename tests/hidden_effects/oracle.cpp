@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "tests/hidden_effects/absorption.h"
+#include "tests/hidden_effects/output_rivals.h"
 #include "tests/hidden_effects/rivals.h"
 #include "tests/stand/random.h"
 
@@ -133,12 +134,8 @@ std::vector<VectorXd> signatures_of(const TwinBench& bench, const VectorXd& heal
 std::vector<VectorXd> signatures_of_contacts(const TwinBench& bench, const VectorXd& healthy_psi) {
   std::vector<VectorXd> found;
   for (std::size_t i = 0; i < bench.recordings(); ++i)
-    for (Index row = 0; row < bench.size(i) - kInstants; row += kInstants) {
-      VectorXd column = VectorXd::Zero(bench.samples());
-      const Index rows = bench.size(i) - row;
-      column.segment(bench.begin(i) + row, rows) = healthy_psi.segment(bench.begin(i) + row, rows);
-      found.push_back(std::move(column));
-    }
+    for (Index row = 0; row < bench.size(i) - kInstants; row += kInstants)
+      found.push_back(gain_changed_from(bench, healthy_psi, i, row));
   return found;
 }
 
@@ -228,18 +225,8 @@ std::vector<SearchOf> oracle(const std::vector<std::string>& tests) {
     found.push_back(by_drawing(cause, directions(baseline, columns), causes, draws, true));
   };
   search_columns("sensor_offset", {VectorXd::Ones(bench.samples())}, kDraws);
-  search_columns("sensor_drift", {bench.column_of([&](std::size_t i, Index k) { return bench.time_s(i, k); })}, kDraws);
-  const auto channel = [&](auto value) {
-    return bench.column_of([&](std::size_t i, Index k) { return value(bench.environment(i), bench.time_s(i, k)); });
-  };
-  search_columns("side_input",
-                 {channel([](const stand::Environment& around, double time_s) {
-                    return around.temperature_c.at(time_s) - around.day_temperature_c;
-                  }),
-                  channel([](const stand::Environment& around, double time_s) {
-                    return around.supply_psi.at(time_s) - around.day_supply_psi;
-                  })},
-                 kDraws);
+  search_columns("sensor_drift", {time(bench)}, kDraws);
+  search_columns("side_input", {warmth(bench), supply(bench)}, kDraws);
   search_columns("intermittent", signatures_of_contacts(bench, healthy_psi), kDrawsOfContacts);
   const double resolved_s = longest_s(bench);
   found.push_back(of_tone("periodic_disturbance", bench, resolved_s * (45 - 0.5), causes));

@@ -31,10 +31,7 @@ double left_by_contact(const TwinBench& bench, const VectorXd& healthy_psi, cons
   double best = left.squaredNorm();
   for (std::size_t i = 0; i < bench.recordings(); ++i) {
     const auto left_from = [&](Index row) {
-      VectorXd column = VectorXd::Zero(bench.samples());
-      const Index rows = bench.size(i) - row;
-      column.segment(bench.begin(i) + row, rows) = healthy_psi.segment(bench.begin(i) + row, rows);
-      return left_by(left, whitened(column));
+      return left_by(left, whitened(gain_changed_from(bench, healthy_psi, i, row)));
     };
     Index step = bench.size(i) / kGrid, at = 0;
     double lowest = std::numeric_limits<double>::infinity();
@@ -131,22 +128,38 @@ double left_by_best_hunting(const TwinBench& bench, const VectorXd& healthy_psi,
 
 }  // namespace
 
+VectorXd gain_changed_from(const TwinBench& bench, const VectorXd& healthy_psi, std::size_t recording, Index row) {
+  VectorXd column = VectorXd::Zero(bench.samples());
+  const Index rows = bench.size(recording) - row;
+  column.segment(bench.begin(recording) + row, rows) = healthy_psi.segment(bench.begin(recording) + row, rows);
+  return column;
+}
+
+VectorXd warmth(const TwinBench& bench) {
+  return bench.column_of([&](std::size_t i, Index k) {
+    const stand::Environment& around = bench.environment(i);
+    return around.temperature_c.at(bench.time_s(i, k)) - around.day_temperature_c;
+  });
+}
+
+VectorXd supply(const TwinBench& bench) {
+  return bench.column_of([&](std::size_t i, Index k) {
+    const stand::Environment& around = bench.environment(i);
+    return around.supply_psi.at(bench.time_s(i, k)) - around.day_supply_psi;
+  });
+}
+
+VectorXd time(const TwinBench& bench) {
+  return bench.column_of([&](std::size_t i, Index k) { return bench.time_s(i, k); });
+}
+
 std::vector<OutputFit> output_rivals(const TwinBench& bench, const VectorXd& healthy_psi, const VectorXd& left,
                                      const Whitener& whitened) {
   std::vector<OutputFit> fits;
   fits.push_back({"sensor_offset", left_by(left, whitened(VectorXd::Ones(bench.samples())))});
+  fits.push_back({"sensor_drift", left_by(left, whitened(time(bench)))});
   fits.push_back(
-      {"sensor_drift",
-       left_by(left, whitened(bench.column_of([&](std::size_t i, Index k) { return bench.time_s(i, k); })))});
-  const VectorXd warm = bench.column_of([&](std::size_t i, Index k) {
-    const stand::Environment& around = bench.environment(i);
-    return around.temperature_c.at(bench.time_s(i, k)) - around.day_temperature_c;
-  });
-  const VectorXd supply = bench.column_of([&](std::size_t i, Index k) {
-    const stand::Environment& around = bench.environment(i);
-    return around.supply_psi.at(bench.time_s(i, k)) - around.day_supply_psi;
-  });
-  fits.push_back({"side_input", std::min(left_by(left, whitened(warm)), left_by(left, whitened(supply)))});
+      {"side_input", std::min(left_by(left, whitened(warmth(bench))), left_by(left, whitened(supply(bench))))});
   fits.push_back({"intermittent", left_by_contact(bench, healthy_psi, left, whitened)});
   const double hertz = strongest_hz(bench, left);
   fits.push_back({"periodic_disturbance", left_by_tone(bench, left, whitened, [&](std::size_t i, Index k) {

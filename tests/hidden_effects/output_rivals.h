@@ -9,6 +9,14 @@
 
 namespace valvetriage::hidden_effects {
 
+/// What these causes add to the output at unit size: a change of gain from a row of one recording on, how far the day's
+/// channels have moved [°C, psi], and the time since a recording began [s].
+Eigen::VectorXd gain_changed_from(const TwinBench& bench, const Eigen::VectorXd& healthy_psi, std::size_t recording,
+                                  Eigen::Index row);
+Eigen::VectorXd warmth(const TwinBench& bench);
+Eigen::VectorXd supply(const TwinBench& bench);
+Eigen::VectorXd time(const TwinBench& bench);
+
 struct OutputFit {
   std::string cause;
   double left;  ///< squared error that it leaves

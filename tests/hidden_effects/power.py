@@ -8,7 +8,7 @@ import csv
 import math
 import pathlib
 
-from tables import table, within
+from tables import detected, table, within
 
 NINE_IN_TEN = 1.2815515655446004
 D50 = (1.0, 400.0, 60)    # from, to, steps: sizes are drawn so that d spans 2 to 200
@@ -61,7 +61,7 @@ def oracle():
 
 
 def seen_of(outcomes):
-    return [(o["d"], o["conclusion"] not in (None, "none")) for o in outcomes if o["d"]]
+    return [(o["d"], detected(o)) for o in outcomes if o["d"]]
 
 
 def efficiencies(outcomes):
@@ -91,7 +91,7 @@ def against_oracle(outcomes):
     if not rows:
         return ""
     healthy = within(outcomes, "healthy")
-    alarms = sum(o["conclusion"] not in (None, "none") for o in healthy)
+    alarms = sum(map(detected, healthy))
     return (f"d that is called anything but none nine times in ten, with its 95 % interval, at the false alarm that the "
             f"answers have ({alarms} of {len(healthy)} healthy), beside that of an observer who knows noise, population "
             "and every law and pays for the same search (oracle.h), at false alarms of 1 % and 0.1 %; efficiency is "
