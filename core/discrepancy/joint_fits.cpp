@@ -141,6 +141,23 @@ void fit_again(std::size_t i, const Explanation& beside, std::span<const JointSt
   if (fitted.cost < joint.fitted[i].cost) joint.fitted[i] = std::move(fitted);
 }
 
+/// Friction that is the same at rest and in motion has no slips for a fit to lose its way among. Fitted as that from
+/// the given starts it is where the fit of the whole law begins: that ends no worse.
+std::vector<JointStart> from_its_smooth_limit(const Tested& tested, const Explanation& beside,
+                                              std::span<const JointStart> starts, const JointFits& joint) {
+  const auto smooth = tested.fit.law.law->memory->smooth_at_most;
+  if (!smooth || starts.empty()) return {};
+  LawFit limit = tested.fit;
+  limit.law.lower[*smooth] = limit.law.start[*smooth] = limit.law.upper[*smooth];
+  limit.law.step[*smooth] = 0;
+  std::vector<JointStart> at_limit(starts.begin(), starts.end());
+  for (JointStart& start : at_limit) start.parameters[*smooth] = limit.law.upper[*smooth];
+  const Explanation fitted = extend_from(at_limit, beside, limit, kJointSteps, joint.to_reach(beside));
+  std::vector<double> parameters = fitted.parameters_of_last();
+  parameters[*smooth] = parameters[tested.fit.law.law->size_parameter];
+  return {{.baseline = valve_under(fitted), .parameters = std::move(parameters), .width = 1}};
+}
+
 }  // namespace
 
 bool JointFits::has(std::string_view cause) const {
@@ -203,7 +220,10 @@ void fit_in_place_of_kin(const Explanation& beside, JointFits& joint) {
   for (std::size_t i = 0; i < joint.fitted.size(); ++i) {
     if (i == *best || !joint.racing[i]->is_of_memory() || joint.in_place_of[i] == cost) continue;
     joint.in_place_of[i] = cost;
-    fit_again(i, beside, taking_over(*joint.racing[i], beside, place, width_a), joint);
+    const Tested& tested = *joint.racing[i];
+    const std::vector<JointStart> starts = taking_over(tested, beside, place, width_a);
+    fit_again(i, beside, starts, joint);
+    fit_again(i, beside, from_its_smooth_limit(tested, beside, starts, joint), joint);
   }
 }
 

@@ -471,8 +471,7 @@ std::optional<NextTest> next_test(const Grounds& grounds, const std::vector<Name
     const auto n = static_cast<double>(test.samples);
     // Where laws leave structure more samples leave more of it.
     const FurtherRecordings further{left_per_sample * n, test.removed};
-    double lead =
-        lead_still_asked_for(*winner, *other, ranked, leaves_usual, further, grounds.inflation, grounds.options);
+    double lead = lead_still_asked_for(*winner, *other, leaves_usual, further, grounds.inflation, grounds.options);
     const ToldApart& told = told_apart.of(*winner, *other);
     if (const auto least_z = least_contrast(*winner, leaves_usual)) {
       lead = std::max(lead, gain_to_be_borne_out(told.contrast, *least_z, test.distance, n, told.noise_along));

@@ -343,29 +343,16 @@ double clearly_more(const Ranked& winner, const Ranked& rival) {
   return are_kin(winner, rival) ? kClearlyMoreInFamily : kClearlyMore;
 }
 
-/// Free runs that stick are rough, and a fit of them that is worse may not have found its best. Only play is sure to be
-/// better: it is where the search of friction has begun, at Coulomb's.
+/// Free runs that stick are rough, and a fit of them that is worse may not have found its best. Only beside play that
+/// is known: friction's search has begun where it is as smooth as play, from the valve that play has found.
 bool is_never_out(const Ranked& rival, const Ranked& winner) {
   return rival.sticks && !winner.sticks && winner.cause != "backlash";
 }
 
-/// What a law is known to remove of the cost at its best: friction that is the same at rest and in motion is play, and
-/// its best fit removes no less than that of play, whatever valley its own has ended in.
-double reduction_within_reach(const Ranked& r, std::span<const Ranked> all) {
-  if (!r.sticks || !r.fitted_jointly) return r.reduction;
-  double most = r.reduction;
-  for (const Ranked& other : all) {
-    if (other.cause == "backlash" && other.fitted_jointly) most = std::max(most, other.reduction);
-  }
-  return most;
-}
-
-/// No friction at all, and play where that has won, are ones that a fit of friction can always reach: what fits worse
-/// has not found its best, and is no reason to leave it out.
+/// No friction at all is what a fit of friction can always reach: what fits worse has not found its best, and is no
+/// reason to leave it out.
 bool has_lost_its_way(const Ranked& rival, const Ranked& winner) {
-  if (!rival.sticks || !rival.fitted_jointly || winner.sticks) return false;
-  const double reached_by_play = winner.cause == "backlash" ? winner.reduction - kLeastEvidence : 0;
-  return rival.reduction < std::max(0.0, reached_by_play);
+  return rival.sticks && rival.fitted_jointly && !winner.sticks && rival.reduction < 0;
 }
 
 /// Whether an explanation leaves nothing that good valves do not leave.
@@ -452,7 +439,7 @@ void keep_margins(Contest& contest, WinnersFit& fit, const ValveDiagnosisOptions
   };
   for (Ranked& r : ranked) {
     const bool is_kin = are_kin(won, r);
-    const bool is_near = reduction_within_reach(r, ranked) >= margin(won, r) * won.reduction;
+    const bool is_near = r.reduction >= margin(won, r) * won.reduction;
     const bool is_open =
         is_kin && ((is_family_open && r.fitted_jointly) || has_lost_its_way(r, won) || is_matched_by(won, r));
     const bool competes = competes_with(won.cause, r) || does_as_much(won, r);
@@ -660,11 +647,10 @@ double own_excess(const Mechanism& law, const VectorXd& v, const ValveFitOptions
   return parameters[law.size_parameter];
 }
 
-double lead_still_asked_for(const Ranked& winner, const Ranked& rival, std::span<const Ranked> all, bool leaves_usual,
+double lead_still_asked_for(const Ranked& winner, const Ranked& rival, bool leaves_usual,
                             const FurtherRecordings& further, double inflation, const ValveDiagnosisOptions& options) {
-  if (winner.cause == "backlash" && rival.sticks) return std::numeric_limits<double>::infinity();
   const double near = (1 - margin(winner, rival)) * (winner.reduction + further.removed);
-  const double until_far = (near - (winner.reduction - reduction_within_reach(rival, all))) / inflation;
+  const double until_far = (near - (winner.reduction - rival.reduction)) / inflation;
   if (is_never_out(rival, winner)) return until_far;
   double told_apart = kLeastEvidence + scatter_between(winner, rival, options);
   if (!leaves_usual) {

@@ -100,12 +100,10 @@ struct FurtherRecordings {
   double removed = 0;  ///< what it removes there
 };
 /// Inflated noise variances by which a winner must still come to lead a rival before that is out: it is told apart, or
-/// it is no longer near. Infinite where the rival is friction and the winner play: friction that is the same at rest
-/// and in motion is play.
+/// it is no longer near.
 ///
-/// all           the causes of their place
 /// leaves_usual  whether the winner leaves nothing that good valves do not leave
-double lead_still_asked_for(const Ranked& winner, const Ranked& rival, std::span<const Ranked> all, bool leaves_usual,
+double lead_still_asked_for(const Ranked& winner, const Ranked& rival, bool leaves_usual,
                             const FurtherRecordings& further, double inflation, const ValveDiagnosisOptions& options);
 
 /// z of the contrast between a winner and a rival below which the one is not borne out against the other; none where it

@@ -82,7 +82,8 @@ void apply(std::span<const double> parameters, const LawContext& context, std::s
 constexpr MemoryWidth kMemoryWidth{
     .has_corners = true,
     .width_a = [](std::span<const double> parameters) { return 2 * parameters[kBreakaway]; },
-    .take_over = take_over};
+    .take_over = take_over,
+    .smooth_at_most = kKinetic};
 
 }  // namespace
 

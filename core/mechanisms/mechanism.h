@@ -91,6 +91,8 @@ struct MemoryWidth {
   bool has_corners;  ///< follows at once where it lets go, like a valve's narrow loop; otherwise rounded like the wide
   double (*width_a)(std::span<const double> parameters);            ///< [A]
   void (*take_over)(double width_a, std::span<double> parameters);  ///< gives them that width
+  /// The parameter which at its largest makes the law as smooth as play, none where it has none: slips are gone.
+  std::optional<std::size_t> smooth_at_most = std::nullopt;
 };
 
 /// One physical cause: its law, where it comes from, what it looks like, what it is confused with. One file each.

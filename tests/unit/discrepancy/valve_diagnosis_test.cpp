@@ -947,25 +947,22 @@ TEST(ValveDiagnosis, WhatAllGoodValvesHaveToTheLastDigitStiffensNothingBesideIt)
 TEST(LeadStillAskedFor, IsWhatPutsARivalOut) {
   const Ranked leak{.cause = "leakage", .reduction = 1000, .left = 500};
   const Ranked curve{.cause = "static_curve", .reduction = 950};
-  const auto lead = [&](const Ranked& rival, std::span<const Ranked> all, bool leaves_usual,
-                        const FurtherRecordings& further) {
-    return lead_still_asked_for(leak, rival, all, leaves_usual, further, 2,
+  const auto lead_over = [](const Ranked& winner, const Ranked& rival, bool leaves_usual,
+                            const FurtherRecordings& further) {
+    return lead_still_asked_for(winner, rival, leaves_usual, further, 2,
                                 {.good_valves = 8, .causes = {}, .leftovers = {}});
   };
   // It has a lead of 50. Five sixths of what it removes are near, and a rival must leave 1.44 times what it leaves.
-  EXPECT_NEAR(lead(curve, {}, true, {}), kLeastEvidence - 50.0 / 2, 1e-9);
-  EXPECT_NEAR(lead(curve, {}, false, {}), (1000.0 / 6 - 50) / 2, 1e-9);
-  EXPECT_NEAR(lead(curve, {}, false, {.removed = 2000}), (0.44 * 500 - 50) / 2, 1e-9);
-  EXPECT_NEAR(lead(curve, {}, false, {.left = 200, .removed = 2000}), (0.44 * 700 - 50) / 2, 1e-9);
-  // Where free runs stick a worse fit may not be the best one: nothing but a distance puts it out, from play's too.
+  EXPECT_NEAR(lead_over(leak, curve, true, {}), kLeastEvidence - 50.0 / 2, 1e-9);
+  EXPECT_NEAR(lead_over(leak, curve, false, {}), (1000.0 / 6 - 50) / 2, 1e-9);
+  EXPECT_NEAR(lead_over(leak, curve, false, {.removed = 2000}), (0.44 * 500 - 50) / 2, 1e-9);
+  EXPECT_NEAR(lead_over(leak, curve, false, {.left = 200, .removed = 2000}), (0.44 * 700 - 50) / 2, 1e-9);
+  // Where free runs stick a worse fit may not be the best one: nothing but a distance puts it out.
   const Ranked friction{.cause = "friction", .reduction = 750, .fitted_jointly = true, .sticks = true};
-  const Ranked play{.cause = "backlash", .reduction = 950, .fitted_jointly = true, .sticks = true};
-  EXPECT_NEAR(lead(friction, {}, true, {.removed = 2000}), (3000.0 / 6 - 250) / 2, 1e-9);
-  EXPECT_NEAR(lead(friction, {&play, 1}, true, {.removed = 2000}), (3000.0 / 6 - 50) / 2, 1e-9);
-  // Friction that is the same at rest and in motion is play: nothing puts it out beside that.
-  const Ranked free_play{.cause = "backlash", .reduction = 1000, .fitted_jointly = true};
-  EXPECT_EQ(lead_still_asked_for(free_play, friction, {}, true, {.removed = 2000}, 2, {.good_valves = 8}),
-            std::numeric_limits<double>::infinity());
+  EXPECT_NEAR(lead_over(leak, friction, true, {.removed = 2000}), (3000.0 / 6 - 250) / 2, 1e-9);
+  // Beside play it is the best: friction's search has begun there. Four fifths of what play removes are not near.
+  const Ranked play{.cause = "backlash", .reduction = 1000, .fitted_jointly = true};
+  EXPECT_LT(lead_over(play, friction, true, {.removed = 2000}), kLeastEvidence - 250.0 / 2 + 1e-9);
 }
 
 TEST(LeastContrast, IsAskedOfWhatSticksAndOfWhatLeavesMoreThanGoodValvesDo) {
