@@ -15,6 +15,8 @@ using Eigen::Index;
 
 constexpr std::array<Index, 4> kBlocks{1, 4, 16, 64};
 constexpr std::array<Index, 5> kScoreBlocks{1, 4, 16, 64, 256};
+// Fewer blocks do not tell how far their scores scatter.
+constexpr double kFewestBlocks = 3;
 constexpr double kBystanders = 0.2;
 
 /// A size that scatters about `common_size` standard deviations from none scatters in its square as a non-central χ² of
@@ -65,7 +67,7 @@ Evidence consistent_evidence(const Stack& before, const Stack& after, double red
   std::vector<Index> lengths(kScoreBlocks.begin(), kScoreBlocks.end());
   if (slowest > lengths.back()) lengths.push_back(slowest);
   for (const Index length : lengths) {
-    double squares = 0, fourths = 0;
+    double squares = 0, fourths = 0, blocks = 0;
     for (std::size_t r = 0; r < before.size(); ++r) {
       for (Index first = 0; first < before[r].size(); first += length) {
         const Index count = std::min(length, before[r].size() - first);
@@ -73,11 +75,18 @@ Evidence consistent_evidence(const Stack& before, const Stack& after, double red
         const double score = (before[r].segment(first, count) - left).dot(left);
         squares += score * score;
         fourths += std::pow(score, 4);
+        ++blocks;
       }
     }
-    if (squares <= scatter) continue;
+    // The law was fitted to these scores: they sum to nothing.
+    if (blocks > 1) squares *= blocks / (blocks - 1);
+    if (squares <= scatter) {
+      if (length == slowest && blocks < kFewestBlocks) freedoms = std::min(freedoms, 1.0);
+      continue;
+    }
     scatter = squares;
-    freedoms = 3 * squares * squares / fourths * std::pow(squares / (squares - energy), 2);
+    const double told = std::clamp(3 * squares * squares / fourths - 2, 1.0, std::max(1.0, blocks - 1));
+    freedoms = told * std::pow(squares / (squares - energy), 2);
   }
   const double of_samples = scatter > 0 ? energy * energy / scatter : 0;
   const double owed_to_prior = std::max(0.0, reduction - std::max(0.0, closed));

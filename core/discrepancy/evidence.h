@@ -43,7 +43,8 @@ struct Evidence {
 /// score: White, Econometrica 48 (1980) 817; Newey and West, Econometrica 55 (1987) 703, here with blocks for lags.
 /// Where more than white noise scatters, a few loud places may have told how much: T is then the square of a Student t
 /// (Bell and McCaffrey, Survey Methodology 28 (2002) 169; its freedoms by Satterthwaite, of the part beyond white
-/// noise).
+/// noise). Of B blocks the scatter is B / (B − 1) times as large, for the law was fitted to them, and has B − 1
+/// freedoms at most; of one or two of `slowest`, whatever they show, one.
 ///
 /// reduction  of the whole cost
 /// slowest    samples over which the signature changes slowest, if that is more than the largest block: shorter ones

@@ -2,6 +2,7 @@
 import json
 import pathlib
 import shlex
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -58,6 +59,27 @@ class AnotherEngine(unittest.TestCase):
         answers = (self.folder / "work" / "full" / "answers.jsonl").read_text()
         self.assertEqual(self.called("full", *arguments), text)
         self.assertEqual((self.folder / "work" / "full" / "answers.jsonl").read_text(), answers)
+
+    def test_what_is_published_makes_the_same_tables_where_nothing_was_asked(self):
+        drawn = ["--healthy", "1", "--faulty", "1", "--names", "0"]
+        file = self.folder / "answers.jsonl.xz"
+        text = self.called("full", *drawn, "--engine", ENGINE, "--publish", file)
+        shutil.rmtree(self.folder / "work")
+        self.assertEqual(self.called("full", *drawn, "--answers", file, "--report").split("```", 2)[2],
+                         text.split("```", 2)[2])
+
+    def test_a_run_that_is_taken_up_elsewhere_asks_only_what_is_new_and_only_the_same_program(self):
+        seen = self.folder / "seen"
+        spy = shlex.join(["sh", "-c", f"echo $0 >> {seen}; echo nothing"]) + " {folder}"
+        file = self.folder / "answers.jsonl.xz"
+        self.called("full", "--healthy", "1", "--faulty", "0", "--engine", spy, "--publish", file)
+        shutil.rmtree(self.folder / "work")
+        text = self.called("full", "--healthy", "2", "--faulty", "0", "--engine", spy, "--answers", file)
+        self.assertIn("2 of 2 sessions are answered", text)
+        self.assertEqual(len(seen.read_text().split()), 2)
+        with self.assertRaises(subprocess.CalledProcessError) as refused:
+            self.called("full", "--healthy", "2", "--faulty", "0", "--engine", ENGINE, "--answers", file)
+        self.assertIn("other builds of engine", refused.exception.stderr)
 
     def test_the_loop_is_closed_with_the_test_that_was_asked_for_and_the_first_answer_is_not_asked_for_again(self):
         engine = self.folder / "asks_for_a_step.py"

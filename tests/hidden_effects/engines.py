@@ -110,6 +110,18 @@ class Command:
         return answer_of(text), seconds
 
 
+@dataclasses.dataclass
+class Elsewhere:
+    """A program that is not here: what it has answered is."""
+    name: str
+    sha: str
+
+    simulate = None
+
+    def version(self):
+        return self.name
+
+
 def filled(template, **places):
     """The words of a command with its {places} put in; nothing else is interpreted."""
     words = shlex.split(template)

@@ -31,10 +31,11 @@ class Bench:
     population_seed: int = 1
     engine: Product | Command = None  # the product, unless another is given
     bad_valve: tuple = ()  # (effect, size) that hides in one of the reference's valves
+    stand_sha: str = ""    # of the stand's program, unless its cases were played elsewhere
 
     def __post_init__(self):
         self.engine = self.engine or Product(self.valvetriage)
-        self.stand_sha = hash_of(self.stand.read_bytes())
+        self.stand_sha = self.stand_sha or hash_of(self.stand.read_bytes())
         self.scorer_sha = hash_of(*[(PARTS / name).read_bytes() for name in ("playing.py", "scoring.py")])
         self.reference = None
         self.reference_sha = hash_of(self.engine.sha, self.stand_sha, self.reference_valves, self.population_seed,

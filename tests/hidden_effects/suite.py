@@ -6,6 +6,7 @@ import sys
 import cases as drawing
 import engines
 import playing
+import published
 import results
 import studies
 from kept import Kept
@@ -16,13 +17,13 @@ class Suite:
 
     def __init__(self, options):
         self.options = options
-        self.answers = Kept(options.work / "full" / "answers.jsonl")
-        self.distances = Kept(options.work / "full" / "distances.jsonl")
-        self.loops = Kept(options.work / "full" / "loops.jsonl")
-        self.held_out = Kept(options.work / "full" / "held_out.jsonl")
+        self.tables = {name: Kept(options.work / "full" / f"{name}.jsonl")
+                       for name in ("answers", "distances", "loops", "held_out")}
+        self.answers, self.distances, self.loops, self.held_out = self.tables.values()
         self.stand = drawing.STANDS[options.stand]
         self.program = tuple(self.stand.distances_in(options.build))
-        self.program_sha = engines.hash_of(self.program[0].read_bytes())
+        self.distances_sha = engines.hash_of(self.program[0].read_bytes())
+        self.stand_sha = ""  # that of the build, unless another's answers are reported
         self.effects, decoys = drawing.repertoire(options.build / self.stand.program)
         self.cases = drawing.drawn(options.seed, options.healthy, options.faulty, self.effects, decoys)
         if options.tests != "full":
@@ -30,10 +31,30 @@ class Suite:
 
     def bench(self, engine=None, **reference):
         return playing.Bench(self.options.build / "valvetriage", self.options.build / self.stand.program,
-                             self.options.work, engine=engine, **reference)
+                             self.options.work, engine=engine, stand_sha=self.stand_sha, **reference)
+
+    def programs(self, bench):
+        return published.Programs(bench.engine.version(), bench.engine.sha, bench.stand_sha, self.distances_sha)
+
+    def report_of(self, programs):
+        """From now on keys are those of other programs; the engine to ask of is returned, which answers nothing new."""
+        self.stand_sha, self.distances_sha = programs.stand_sha, programs.distances_sha
+        return engines.Elsewhere(programs.engine, programs.engine_sha)
+
+    def add(self, tables):
+        for name, lines in tables.items():
+            self.tables[name].lines |= {line["key"]: line for line in lines}
+
+    def lines_of(self, asked):
+        """{table: lines} of the cases that each bench is asked of, as `published` takes them."""
+        keys = [bench.key(case) for bench, cases in asked for case in cases]
+        of_distances = [self.distance_key(case, name_too) for _, cases in asked for case in cases
+                        for name_too in (False, True)]
+        return {name: [table[key] for key in dict.fromkeys(of_distances if name == "distances" else keys) if key in table]
+                for name, table in self.tables.items()}
 
     def distance_key(self, case, name_too):
-        return studies.distance_key(self.program_sha, case, name_too)
+        return studies.distance_key(self.distances_sha, case, name_too)
 
     def known_distances(self, case):
         """What has been measured of a case's distances, by name; empty where nothing has."""

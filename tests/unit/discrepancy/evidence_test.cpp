@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <numbers>
 #include <random>
 
@@ -97,6 +98,35 @@ TEST(Evidence, ASlowSignatureInWhiteNoiseIsWorthItsEnergy) {
   }
   const double energy = 8000 * 0.2 * 0.2 / 2;
   EXPECT_NEAR(consistent_evidence(before, after, energy, 400).value, energy, 0.4 * energy);
+}
+
+TEST(Evidence, ASlowSignatureThatScattersFromRecordingToRecordingIsWorthStudentsT) {
+  // A level for each of four recordings: of their mean Student's t with three degrees of freedom is all there is to
+  // say.
+  const Eigen::Index samples = 1000;
+  const std::array<double, 4> levels{10, 20, 15, 19};
+  const double mean = 16, squares = 36 + 16 + 1 + 9;
+  Stack before, after;
+  for (const double level : levels) {
+    before.push_back(Eigen::VectorXd::Constant(samples, level));
+    after.push_back(Eigen::VectorXd::Constant(samples, level - mean));
+  }
+  const double energy = 4 * samples * mean * mean;
+  const Evidence found = consistent_evidence(before, after, energy, samples);
+  EXPECT_NEAR(found.value, mean * mean / (squares / 3 / 4), 1e-6);
+  EXPECT_NEAR(found.freedoms, 3, 0.1);
+}
+
+TEST(Evidence, OneRecordingDoesNotTellHowFarASlowSignatureScatters) {
+  const Stack after = noise(0, 4);
+  Stack before = after;
+  for (Eigen::Index i = 0; i < before[0].size(); ++i) before[0](i) += 1e-4 * static_cast<double>(i - 4000);
+  const double energy = (before[0] - after[0]).squaredNorm();
+  const Evidence fast = consistent_evidence(before, after, energy);
+  const Evidence slow = consistent_evidence(before, after, energy, before[0].size());
+  EXPECT_GT(fast.as_normal(), 200);
+  EXPECT_EQ(slow.value, fast.value);
+  EXPECT_LT(slow.as_normal(), 10);
 }
 
 TEST(Evidence, AContrastInWhiteNoiseIsTheLikelihoodRatio) {
