@@ -15,13 +15,13 @@
 #include "core/discrepancy/machine_report.h"
 #include "core/discrepancy/machine_sticking_loop.h"
 #include "core/mechanisms/mechanism.h"
+#include "core/recording/same_rate.h"
 #include "core/residual/noise_floor.h"
 
 namespace valvetriage {
 namespace {
 
 constexpr int kLastIterations = 12;
-constexpr double kClockTolerance = 1e-4;
 constexpr double kDecimationShare = 0.1;  // of the output's deviation: first guess of what a linear machine leaves
 constexpr double kSearched = 0.8;         // of the time of a diagnosis
 constexpr std::size_t kMostBootstrap = 400;
@@ -29,8 +29,7 @@ constexpr std::size_t kMostBootstrap = 400;
 Result<void> check(std::span<const Recording> recordings) {
   if (recordings.empty()) return fail("no_recordings", "there is nothing to diagnose: no recording was given");
   for (const Recording& recording : recordings) {
-    const double first = recordings.front().sample_period_s;
-    if (std::abs(recording.sample_period_s - first) > kClockTolerance * first) {
+    if (!have_same_rate(recording, recordings.front())) {
       return fail("sample_time_differs", "the recordings have different sample times");
     }
     const auto [low, high] = std::minmax_element(recording.output.values.begin(), recording.output.values.end());

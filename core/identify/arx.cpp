@@ -8,6 +8,7 @@
 #include <numeric>
 
 #include "core/identify/triangular_factor.h"
+#include "core/recording/same_rate.h"
 
 namespace valvetriage {
 namespace {
@@ -73,12 +74,11 @@ Result<ArxFit> fit_arx(std::span<const Recording* const> recordings, const Outpu
   if (const auto checked = check_structure(structure); !checked) return tl::unexpected(checked.error());
   if (recordings.empty()) return fail("no_samples", "there is no recording to identify from");
   const Index p = structure.order + structure.zeros + 1;
-  const double period = recordings.front()->sample_period_s;
   Eigen::MatrixXd stack = Eigen::MatrixXd::Zero(static_cast<Index>(recordings.size()) * (p + 1), p + 1);
   Index rows = 0;
   bool input_moves = false;
   for (std::size_t r = 0; r < recordings.size(); ++r) {
-    if (std::abs(recordings[r]->sample_period_s - period) > 1e-6 * period) {
+    if (!have_same_rate(*recordings[r], *recordings.front())) {
       return fail("sample_time_differs", "the recordings are not sampled at one rate");
     }
     const Eigen::MatrixXd regression = regression_rows(*recordings[r], structure);
@@ -104,7 +104,7 @@ Result<ArxFit> fit_arx(std::span<const Recording* const> recordings, const Outpu
 
   const Index order = structure.order;
   fit.coefficients.domain = Domain::kZ;
-  fit.coefficients.sample_time_s = period;
+  fit.coefficients.sample_time_s = recordings.front()->sample_period_s;
   fit.coefficients.delay_samples = structure.delay_samples;
   fit.coefficients.a.assign(1, 1.0);
   fit.coefficients.a.insert(fit.coefficients.a.end(), theta.begin(), theta.begin() + order);

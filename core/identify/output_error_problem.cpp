@@ -8,6 +8,7 @@
 #include <string>
 
 #include "core/identify/triangular_factor.h"
+#include "core/recording/same_rate.h"
 
 namespace valvetriage {
 namespace {
@@ -240,10 +241,11 @@ Result<OutputErrorProblem> OutputErrorProblem::create(std::span<const Recording*
   for (const Recording* recording : recordings) {
     const auto& u = recording->input.values;
     const auto& y = recording->output.values;
-    if (std::abs(recording->sample_period_s - problem.sample_time_s_) > 1e-6 * problem.sample_time_s_) {
-      return fail("sample_time_differs", fmt::format("{} is sampled every {} s, {} every {} s; identify needs one rate",
-                                                     recordings.front()->name, problem.sample_time_s_, recording->name,
-                                                     recording->sample_period_s));
+    if (!have_same_rate(*recording, *recordings.front())) {
+      return fail(
+          "sample_time_differs",
+          fmt::format("{} is sampled every {} s, {} every {} s; what is fitted together needs one rate",
+                      recordings.front()->name, problem.sample_time_s_, recording->name, recording->sample_period_s));
     }
     Record record;
     for (std::size_t i = 0; i < y.size(); ++i) {

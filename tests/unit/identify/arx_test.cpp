@@ -82,12 +82,19 @@ TEST(Arx, RefusesWhatCannotBeIdentified) {
   EXPECT_EQ(fit_arx(all, {.order = 2, .zeros = 3}).error().code, "bad_option");
   EXPECT_EQ(fit_arx(all, {.order = 2, .zeros = 1, .delay_samples = 99}).error().code, "too_few_samples");
   EXPECT_EQ(fit_arx({}, {}).error().code, "no_samples");
-  auto other = recording;
-  other.sample_period_s = 0.01;
-  const Recording* const mixed[] = {&recording, &other};
-  EXPECT_EQ(fit_arx(mixed, {}).error().code, "sample_time_differs");
   std::fill(recording.input.values.begin(), recording.input.values.end(), 1.2);
   EXPECT_EQ(fit_arx(all, {}).error().code, "constant_input");
+}
+
+TEST(Arx, TakesClocksThatJitterForOneRateAndTwoRatesForTwo) {
+  const auto u = random_levels(100, 5, 1);
+  const auto recording = recording_of(u, run(second_order_valve(), u), 0.005);
+  auto other = recording;
+  const Recording* const both[] = {&recording, &other};
+  other.sample_period_s = 0.005 * 1.0009;
+  EXPECT_TRUE(fit_arx(both, {}).has_value());
+  other.sample_period_s = 0.005 * 1.0011;
+  EXPECT_EQ(fit_arx(both, {}).error().code, "sample_time_differs");
 }
 
 }  // namespace
