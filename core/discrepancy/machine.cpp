@@ -13,6 +13,7 @@
 #include "core/discrepancy/machine_feedback.h"
 #include "core/discrepancy/machine_linear.h"
 #include "core/discrepancy/machine_report.h"
+#include "core/discrepancy/machine_second_look.h"
 #include "core/discrepancy/machine_sticking_loop.h"
 #include "core/mechanisms/mechanism.h"
 #include "core/recording/same_rate.h"
@@ -128,13 +129,6 @@ void measure_reduction(const MachineScore& baseline, const MachineScore& extende
   gain.reduction_ci95 = {reductions[kMostBootstrap / 40], reductions[kMostBootstrap - 1 - kMostBootstrap / 40]};
 }
 
-/// The winner refitted on everything there is.
-struct Extension {
-  const MachineData& data;  ///< the recordings from end to end
-  MachineFit fit;
-  Eigen::MatrixXd covariance;  ///< of the fit's free parameters
-};
-
 /// A fit of the search on the recordings from end to end, as far as those are longer than what was searched.
 MachineFit on_whole_records(const MachineData& searched, const MachineData& whole, MachineFit fit,
                             MachineBudget& budget) {
@@ -142,27 +136,6 @@ MachineFit on_whole_records(const MachineData& searched, const MachineData& whol
   fit.starts.clear();
   refine_starts(whole, whole.all_rows(), kLastIterations, fit, budget);
   return fit;
-}
-
-Extension extend(const MachineData& searched, const MachineData& whole, const MachineScore& winner,
-                 MachineBudget& budget) {
-  Extension extension{.data = whole, .fit = on_whole_records(searched, whole, winner.fit, budget)};
-  if (searched.windows) {
-    MachineFit refined = extension.fit;
-    refine_machine(whole, whole.all_rows(), kLastIterations, refined, budget);
-    // Windows tell the law; what is refitted from end to end must be closer there, or the search's own fit stands.
-    if (!refined.failed && refined.squares < extension.fit.squares) extension.fit = std::move(refined);
-  }
-  extension.covariance = parameter_covariance(whole, whole.all_rows(), extension.fit);
-  return extension;
-}
-
-/// A winner whose law is not told by free runs: as it stands.
-Extension unrefined(const MachineData& searched, const MachineData& whole, const MachineScore& winner,
-                    MachineBudget& budget) {
-  Extension extension{.data = whole, .fit = on_whole_records(searched, whole, winner.fit, budget)};
-  extension.covariance = parameter_covariance(whole, whole.all_rows(), extension.fit);
-  return extension;
 }
 
 /// Free run of one record on its recording's grid, in its own unit.
@@ -184,6 +157,74 @@ std::vector<std::vector<double>> runs_of(std::span<const Recording> recordings, 
   std::vector<std::vector<double>> runs;
   for (std::size_t r = 0; r < recordings.size(); ++r) runs.push_back(on_grid(whole, fit, r, recordings[r].samples()));
   return runs;
+}
+
+/// One search, and what it says.
+struct Look {
+  MachineData data;
+  MachineSearch search;
+  MachineFit linear;  ///< the best linear machine on the recordings from end to end
+  double noise = 0;   ///< rms, unit of the output
+  MachineVerdict verdict;
+
+  Look(std::span<const Recording> recordings, MachineData searched, const MachineData& whole, const LoopSigns& loop,
+       MachineBudget& budget)
+      : data(std::move(searched)), search(search_machines(data, ground_of(recordings, data, loop), budget)) {
+    linear = refined_on(whole, search.linear.fit, budget);
+    noise = pooled_noise(recordings, loop, runs_of(recordings, whole, linear));
+    const bool feedback = loop.input_follows_output || loop.integrating_controller;
+    verdict = conclude(search, data, {.data = whole, .linear = linear}, noise / data.output_scale, feedback);
+  }
+
+  /// What to search once more, where nothing was found that accounts for what the linear machine leaves, and it leaves
+  /// more beside what was searched; else empty.
+  std::optional<MachineData> second_data(std::span<const Recording> recordings, const MachineData& whole) const {
+    if (!data.windows || verdict.conclusion != Conclusion::kUnexplained) return std::nullopt;
+    return second_look(recordings, data, whole, linear, noise / data.output_scale);
+  }
+
+  /// Whether what was found is closer to the recordings from end to end, too.
+  bool is_borne_out(const MachineData& whole, MachineBudget& budget) const {
+    constexpr double kCloser = 1.3;
+    return verdict.winner && kCloser * refined_on(whole, verdict.winner->fit, budget).rms() < linear.rms();
+  }
+
+ private:
+  /// A fit to a part of the recordings, led on over all of them.
+  MachineFit refined_on(const MachineData& whole, const MachineFit& fit, MachineBudget& budget) const {
+    if (!data.windows) return fit;
+    MachineFit led = on_whole_records(data, whole, fit, budget);
+    refine_machine(whole, whole.all_rows(), kLastIterations, led, budget);
+    return led;
+  }
+};
+
+/// The winner refitted on everything there is.
+struct Extension {
+  const MachineData& data;  ///< the recordings from end to end
+  MachineFit fit;
+  Eigen::MatrixXd covariance;  ///< of the fit's free parameters
+};
+
+Extension extend(const MachineData& searched, const MachineData& whole, const MachineScore& winner,
+                 MachineBudget& budget) {
+  Extension extension{.data = whole, .fit = on_whole_records(searched, whole, winner.fit, budget)};
+  if (searched.windows) {
+    MachineFit refined = extension.fit;
+    refine_machine(whole, whole.all_rows(), kLastIterations, refined, budget);
+    // Windows tell the law; what is refitted from end to end must be closer there, or the search's own fit stands.
+    if (!refined.failed && refined.squares < extension.fit.squares) extension.fit = std::move(refined);
+  }
+  extension.covariance = parameter_covariance(whole, whole.all_rows(), extension.fit);
+  return extension;
+}
+
+/// A winner whose law is not told by free runs: as it stands.
+Extension unrefined(const MachineData& searched, const MachineData& whole, const MachineScore& winner,
+                    MachineBudget& budget) {
+  Extension extension{.data = whole, .fit = on_whole_records(searched, whole, winner.fit, budget)};
+  extension.covariance = parameter_covariance(whole, whole.all_rows(), extension.fit);
+  return extension;
 }
 
 /// The cause as the table of laws writes it; what the chain has no figure for takes the law's own default, or nothing.
@@ -412,14 +453,20 @@ Result<MachineDiagnosis> diagnose_machine(std::span<const Recording> recordings,
   const LoopSigns loop = loop_signs(recordings);
   const bool feedback = loop.input_follows_output || loop.integrating_controller;
   const double allowed = std::max(0.01 * kDecimationShare * spread, pooled_noise(recordings, loop));
-  const MachineData data = machine_data(recordings, allowed, options.most_samples);
+  MachineData first = machine_data(recordings, allowed, options.most_samples);
+  const MachineData whole = first.windows ? whole_records(recordings, first) : first;
   report_stage(options.report, 0, "trying every law of a machine");
-  const MachineSearch search = search_machines(data, ground_of(recordings, data, loop), budget);
-  const MachineData whole = data.windows ? whole_records(recordings, data) : data;
-  const MachineFit linear = on_whole_records(data, whole, search.linear.fit, budget);
-  const double noise = pooled_noise(recordings, loop, runs_of(recordings, whole, linear));
-  const double scale = data.output_scale;
-  MachineVerdict verdict = conclude(search, data, noise / scale, feedback);
+  Look look(recordings, std::move(first), whole, loop, budget);
+  if (auto second_data = look.second_data(recordings, whole)) {
+    report_stage(options.report, kSearched / 2, "looking again where the recordings are not explained");
+    budget.block_samples = options.block_samples;
+    Look second(recordings, std::move(*second_data), whole, loop, budget);
+    if (second.is_borne_out(whole, budget)) look = std::move(second);
+  }
+  const MachineData& data = look.data;
+  const MachineSearch& search = look.search;
+  const double noise = look.noise, scale = data.output_scale;
+  MachineVerdict verdict = std::move(look.verdict);
   std::optional<StickingLoop> sticking;
   std::optional<MachineScore> friction;
   if (feedback && !has_friction(verdict) && recordings.size() == 1) sticking = sticking_loop(recordings.front());

@@ -8,6 +8,7 @@
 
 #include "core/discrepancy/machine_leftover.h"
 #include "core/discrepancy/machine_report.h"
+#include "core/discrepancy/machine_shape.h"
 #include "core/mechanisms/mechanism.h"
 
 namespace valvetriage {
@@ -35,8 +36,9 @@ constexpr double kBlackBoxBetter = 1.3;
 constexpr double kSignificant = 0.05;
 constexpr double kExcludedWeight = 0.01;
 constexpr double kOverLinearOfFeedback = 1.5;
-constexpr double kBend = 1e-3;     // of a spring's force at the output's deviation: its cubic part
-constexpr double kLoopBend = 0.1;  // of a loop's slope over the output's range
+constexpr double kLeastDriven = 0.05;  // of the output's power, by the input
+constexpr double kBend = 1e-3;         // of a spring's force at the output's deviation: its cubic part
+constexpr double kLoopBend = 0.1;      // of a loop's slope over the output's range
 // Odds of 40 to 1 at a factor 1.2: p = 0.95 is met only where the margins are.
 const double kSteepness = std::log(40.0) / std::log(kOverNextFamily);
 
@@ -334,15 +336,43 @@ bool follows_drift(const MachineSearch& search, const MachineData& data) {
   return !sections.empty() && seen.front() == 0;
 }
 
+/// Why a cause of the vocabulary has no explanation among those that were tried.
+Candidate untried(const std::string& cause, const MachineGround& ground) {
+  constexpr auto kNotIdentifiable = CandidateStatus::kNotIdentifiable;
+  constexpr auto kNotExcited = CandidateStatus::kNotExcited;
+  const auto as = [&](CandidateStatus status, const char* reason) {
+    Candidate candidate = row(cause, std::numeric_limits<double>::quiet_NaN());
+    candidate.status = status;
+    candidate.reason = reason;
+    return candidate;
+  };
+  const auto is_one_of = [&](std::initializer_list<const char*> list) {
+    return std::find(list.begin(), list.end(), cause) != list.end();
+  };
+  if (is_one_of({"gain_loss", "transport_delay", "sensor_offset"}))
+    return as(kNotIdentifiable, "the linear machine has a gain, a delay and an offset of its own and absorbs it");
+  if (is_one_of({"extra_lag", "resonance"}))
+    return as(kNotIdentifiable, "the linear machine has lags and modes of its own and absorbs it");
+  if (is_one_of({"leakage", "self_oscillation"}))
+    return as(kNotIdentifiable, "only a reference of good valves tells it");
+  if (cause == "side_input" && ground.channels.empty()) return as(kNotExcited, "no side channel was recorded");
+  if (ground.one_rate) return as(kNotIdentifiable, "at one rate it looks like a lag or a memory");
+  if (cause == "rectified_sensor") return as(kNotExcited, "the readings are not folded at a level");
+  if (is_one_of({"intermittent", "thermal_drift", "periodic_disturbance"}) && !ground.single_recording)
+    return as(kNotIdentifiable, "it has a time of its own, and is looked for in a single recording only");
+  if (cause == "periodic_disturbance")
+    return as(CandidateStatus::kTested, "no tone stands out of what the linear machine leaves");
+  if (cause == "intermittent")
+    return as(CandidateStatus::kTested, "the gain changes at no instant of what the linear machine leaves");
+  return as(CandidateStatus::kTested, "no fit of it came near");
+}
+
 void add_untested(const MachineSearch& search, const MachineData& data, MachineVerdict& verdict) {
   std::vector<Candidate>& rows = verdict.candidates;
-  constexpr const char* kAbsorbed = "the linear machine has a gain, a delay and an offset of its own and absorbs it";
-  for (const char* cause : {"gain_loss", "transport_delay", "sensor_offset"}) {
-    rows.push_back({.cause = cause,
-                    .probability = 0,
-                    .rmse_heldout = std::numeric_limits<double>::quiet_NaN(),
-                    .status = CandidateStatus::kNotIdentifiable,
-                    .reason = kAbsorbed});
+  for (const Mechanism* mechanism : all_mechanisms()) {
+    const std::string cause(mechanism->cause);
+    const bool is_known = std::any_of(rows.begin(), rows.end(), [&](const Candidate& c) { return c.cause == cause; });
+    if (!is_known) rows.push_back(untried(cause, search.ground));
   }
   if (search.ground.one_rate && !verdict.winner && verdict.conclusion == Conclusion::kNone) {
     for (Candidate& candidate : rows) {
@@ -353,11 +383,8 @@ void add_untested(const MachineSearch& search, const MachineData& data, MachineV
   }
   const bool entered = verdict.winner && is_part_of("sensor_drift", verdict.winner->name());
   if (entered || !follows_drift(search, data)) return;
-  auto drift = std::find_if(rows.begin(), rows.end(), [](const Candidate& c) { return c.cause == "sensor_drift"; });
-  if (drift == rows.end()) {
-    drift =
-        rows.insert(rows.end(), {.cause = "sensor_drift", .rmse_heldout = std::numeric_limits<double>::quiet_NaN()});
-  }
+  const auto drift =
+      std::find_if(rows.begin(), rows.end(), [](const Candidate& c) { return c.cause == "sensor_drift"; });
   drift->status = CandidateStatus::kNotIdentifiable;
   drift->reason = "the linear machine has a mode slower than the recording, whose start follows a drift";
 }
@@ -381,6 +408,13 @@ bool mends_the_first(const MachineSearch& search, const MachineScore& best, doub
   return first && above(best.rms()) > kMostLeft * above(first->rms());
 }
 
+/// Whether a static law of the fit leaves what another map in its place would take up.
+bool has_another_shape(const MachineData& data, const MachineFit& fit) {
+  constexpr double kLeastShare = 0.1;
+  const LeftAnswer left = answer_by_shape(data, fit);
+  return left.share > kLeastShare && left.p_value < kConfident;
+}
+
 /// What a name needs beside its margins before it is given with confidence: evidence that chance gives once in a
 /// hundred, and either nearly nothing left unexplained or twice the accuracy of the next family. What leaves much
 /// structure behind can be beaten by a law that is not in the vocabulary.
@@ -389,7 +423,7 @@ bool is_beyond_doubt(const MachineSearch& search, const MachineData& data, const
   if (verdict.p_value >= kConfident) return false;
   if (!have_certain_sizes(best.causes, data, best.fit)) return false;
   // Rounded stops that nothing comes to rest at are a curve, and most curves have no name.
-  if (best.rms() > kAboveFloors * noise_rms && !has_true_stops(data, best.fit)) return false;
+  if (!has_true_stops(data, best.fit) || has_another_shape(data, best.fit)) return false;
   if (best.rms() > kAboveFloors * noise_rms && mends_the_first(search, best, noise_rms)) return false;
   if (best.rms() <= kNearFloor * noise_rms) return true;
   // Damping of any kind looks like a memory, and most kinds have no name: but none so much that the memory takes nearly
@@ -436,15 +470,23 @@ std::string rival_of(const MachineSearch& search, const MachineData& data, const
   return (alike == singles.end() ? *next : *alike)->causes[0];
 }
 
-/// Whether what the linear machine leaves, far above the noise, answers the input though no law says how: a gain or a
-/// time constant that moves. Wander and drift that the input has no part in are noise, however slow.
-bool answers_without_a_law(const MachineSearch& search, const MachineData& data, double noise_rms) {
-  constexpr double kLeastShare = 0.25;
-  constexpr double kFarAboveFloors =
-      5;  // coloured noise is up to three times its floor, and loops hide in quantisation
-  if (data.records.empty() || search.ground.one_rate || search.linear.rms() < kFarAboveFloors * noise_rms) return false;
-  const LocalAnswer answer = local_answer(data, search.linear.fit);
-  return answer.share > kLeastShare && answer.p_value < kConfident;
+/// Whether what the linear machine leaves of the recordings from end to end, far above the noise, answers the input
+/// though no law says how: a gain or a time constant that moves, a map or a memory of another shape. Wander and drift
+/// that the input has no part in are noise, however slow.
+bool answers_without_a_law(const MachineSearch& search, const MachineRuns& runs, double noise_rms) {
+  constexpr double kLeastShare = 0.15;
+  // Coloured noise is up to three times its floor, and loops hide in quantisation.
+  constexpr double kFarAboveFloors = 5;
+  constexpr std::size_t kManyBlocks = 12, kFewBlocks = 4;
+  constexpr double kViews = 3;
+  if (runs.data.records.empty() || search.ground.one_rate) return false;
+  if (runs.linear.rms() < kFarAboveFloors * noise_rms) return false;
+  const auto is_answer = [&](const LeftAnswer& left) {
+    return left.share > kLeastShare && left.p_value < kConfident / kViews;
+  };
+  return is_answer(local_answer(runs.data, runs.linear, kManyBlocks)) ||
+         is_answer(local_answer(runs.data, runs.linear, kFewBlocks)) ||
+         is_answer(curved_answer(runs.data, runs.linear));
 }
 
 /// A law far closer than the linear machine on the mean, though not on enough blocks to be given as a cause: the linear
@@ -463,7 +505,7 @@ void decline(MachineVerdict& verdict, bool structure) {
 
 /// What can be said with this explanation as the best.
 MachineVerdict conclude_with(const MachineScore* best, const MachineSearch& search, const MachineData& data,
-                             double noise_rms, bool feedback, const Margin& margin) {
+                             const MachineRuns& runs, double noise_rms, bool feedback, const Margin& margin) {
   MachineVerdict verdict;
   const double linear = search.linear.rms();
   const bool above_floor = linear > kAboveFloors * noise_rms;
@@ -480,12 +522,20 @@ MachineVerdict conclude_with(const MachineScore* best, const MachineSearch& sear
     supported = false;
   }
   if (supported && bends_without_a_name(search, data, margin, best)) supported = false;
+  // What the output does without the input is no law of a machine's.
+  const bool is_on_its_own = supported && !runs.data.records.empty() && share_driven(data, best->fit) < kLeastDriven;
+  if (is_on_its_own) supported = false;
   if (!supported) {
     const Margin open_loop{.gain = kOverLinear, .significant = margin.significant};
     const bool law_wins = feedback && best && beats_linear(*best, search.linear, open_loop);
-    decline(verdict, above_floor &&
-                         (black_box_wins || law_wins || bends_without_a_name(search, data, margin, nullptr) ||
-                          is_far_from_a_law(search) || (!feedback && answers_without_a_law(search, data, noise_rms))));
+    // A linear machine that reaches the noise over all recordings leaves nothing, however badly a part of them
+    // foretells the others.
+    const bool is_left = above_floor && runs.linear.rms() > kAboveFloors * noise_rms;
+    const bool held_out_structure =
+        is_left && (black_box_wins || law_wins || bends_without_a_name(search, data, margin, nullptr) ||
+                    is_far_from_a_law(search));
+    decline(verdict,
+            held_out_structure || is_on_its_own || (!feedback && answers_without_a_law(search, runs, noise_rms)));
     verdict.candidates = weigh(search, data, best, {}, verdict.conclusion);
     add_untested(search, data, verdict);
     return verdict;
@@ -528,19 +578,20 @@ MachineVerdict conclude_with(const MachineScore* best, const MachineSearch& sear
 
 }  // namespace
 
-MachineVerdict conclude(const MachineSearch& search, const MachineData& data, double noise_rms, bool feedback) {
+MachineVerdict conclude(const MachineSearch& search, const MachineData& data, const MachineRuns& runs, double noise_rms,
+                        bool feedback) {
   // A law that gains its margin leaves the linear machine that far above the noise; where it is no farther, chance must
   // be ruled out more clearly.
   const bool above_floor = search.linear.rms() > kAboveFloors * noise_rms;
   const Margin margin{.gain = feedback ? kOverLinearOfFeedback : kOverLinear,
                       .significant = above_floor ? kSignificant : kConfident};
   const MachineScore* best = best_of(search, data, noise_rms, margin);
-  MachineVerdict verdict = conclude_with(best, search, data, noise_rms, feedback, margin);
+  MachineVerdict verdict = conclude_with(best, search, data, runs, noise_rms, feedback, margin);
   if (verdict.conclusion != Conclusion::kAmbiguous || !mends_the_first(search, *best, noise_rms)) return verdict;
   if (!is_settled(alternatives_of(search, data, *best))) return verdict;
   // Nothing stands in the second cause's place, and yet it may be no cause: where the first is certain without it, that
   // one is what there is to say.
-  MachineVerdict alone = conclude_with(first_of(search, *best), search, data, noise_rms, feedback, margin);
+  MachineVerdict alone = conclude_with(first_of(search, *best), search, data, runs, noise_rms, feedback, margin);
   return alone.conclusion == Conclusion::kNamed ? alone : verdict;
 }
 

@@ -19,9 +19,17 @@ struct MachineVerdict {
   double p_value = 1;                 ///< of the winner against the linear machine
 };
 
+/// The recordings from end to end, and the linear machine with its starts on them.
+struct MachineRuns {
+  const MachineData& data;
+  const MachineFit& linear;
+};
+
+/// data       what was searched
 /// noise_rms  irreducible noise, scaled units
 /// feedback   the input follows the output: nothing is named, memory laws stay ambiguous
-MachineVerdict conclude(const MachineSearch& search, const MachineData& data, double noise_rms, bool feedback);
+MachineVerdict conclude(const MachineSearch& search, const MachineData& data, const MachineRuns& runs, double noise_rms,
+                        bool feedback);
 
 /// The verdict where the winner, fitted again to every sample, has nothing left of the effect that its name says:
 /// structure without a name.

@@ -17,19 +17,17 @@ constexpr std::size_t kMostFolds = 6;
 constexpr std::size_t kGroups = 12;           // judged blocks over all folds, for the sign test
 constexpr double kInputInterpolation = 0.01;  // of the input's standard deviation
 
+/// Mean and deviation of values far from zero, too: updated about the mean so far (Welford 1962).
 struct Moments {
-  double sum = 0, squares = 0;
+  double mean = 0, squares = 0;
   std::size_t count = 0;
   void add(double x) {
-    sum += x;
-    squares += x * x;
     ++count;
+    const double from_before = x - mean;
+    mean += from_before / static_cast<double>(count);
+    squares += from_before * (x - mean);
   }
-  double mean() const { return count > 0 ? sum / static_cast<double>(count) : 0; }
-  double deviation() const {
-    const double m = mean();
-    return count > 0 ? std::sqrt(std::max(0.0, squares / static_cast<double>(count) - m * m)) : 0;
-  }
+  double deviation() const { return count > 0 ? std::sqrt(squares / static_cast<double>(count)) : 0; }
 };
 
 /// Samples of a segment at which the input has just moved and moves on: a quick change between held levels does not.
@@ -178,15 +176,18 @@ std::vector<MachineFold::Group> groups_of(std::size_t record, std::span<const st
   return cut;
 }
 
-void fold_by_record(MachineData& data) {
-  const std::size_t folds = std::min(kMostFolds, data.records.size());
+/// Recordings are held out where there are three or more of them, with all of their windows; else each record.
+void fold_by_record(MachineData& data, std::size_t recordings) {
+  const bool by_recording = recordings >= 3;
+  const std::size_t folds = std::min(kMostFolds, by_recording ? recordings : data.records.size());
   const std::size_t groups = std::max<std::size_t>(1, kGroups / data.records.size());
   data.folds.assign(folds, {});
   for (std::size_t f = 0; f < folds; ++f) {
     MachineFold& fold = data.folds[f];
     fold.whole_records = true;
     fold.fit = data.all_rows();
-    for (std::size_t r = f; r < data.records.size(); r += folds) {
+    for (std::size_t r = 0; r < data.records.size(); ++r) {
+      if ((by_recording ? data.records[r].recording : r) % folds != f) continue;
       const auto judged = groups_of(r, data.records[r].valid, groups);
       fold.judged.insert(fold.judged.end(), judged.begin(), judged.end());
       fold.fit[r].clear();
@@ -213,8 +214,10 @@ void fold_by_block(MachineData& data) {
 
 void fold(MachineData& data, std::size_t recordings) {
   if (data.records.size() >= 3) {
-    fold_by_record(data);
-    data.heldout = recordings >= 3 ? "one of the recordings at a time" : "one window of the recording at a time";
+    fold_by_record(data, recordings);
+    data.heldout = recordings >= 3   ? "one of the recordings at a time"
+                   : recordings == 2 ? "one window of the recordings at a time"
+                                     : "one window of the recording at a time";
     return;
   }
   fold_by_block(data);
@@ -252,8 +255,8 @@ MachineData machine_data(std::span<const Recording> given, double allowed_rms, s
       output.add(recording.output.values[i]);
     }
   }
-  data.input_mean = input.mean();
-  data.output_mean = output.mean();
+  data.input_mean = input.mean;
+  data.output_mean = output.mean;
   data.input_scale = input.deviation() > 0 ? input.deviation() : 1;
   data.output_scale = output.deviation() > 0 ? output.deviation() : 1;
   while (total / data.stride > most_samples && data.stride < kLargestStride &&
@@ -262,6 +265,22 @@ MachineData machine_data(std::span<const Recording> given, double allowed_rms, s
   }
   data.period_s = recordings.front().sample_period_s * static_cast<double>(data.stride);
   take_records(recordings, most_samples, data);
+  fold(data, recordings.size());
+  return data;
+}
+
+MachineData at_stretches(std::span<const Recording> given, const MachineData& searched,
+                         std::span<const MachineStretch> stretches) {
+  MachineData data = searched;
+  const std::vector<Recording> changed = data.interval_means ? with_interval_means(given) : std::vector<Recording>();
+  const std::span<const Recording> recordings = data.interval_means ? std::span<const Recording>(changed) : given;
+  data.records.clear();
+  data.folds.clear();
+  for (const MachineStretch& stretch : stretches) {
+    const Recording& from = recordings[stretch.recording];
+    data.records.push_back(cut(from, stretch.recording, stretch.begin * data.stride,
+                               std::min(stretch.end * data.stride, from.samples()), data));
+  }
   fold(data, recordings.size());
   return data;
 }

@@ -53,6 +53,15 @@ struct MachineData {
 /// recordings  of one sample time and at least one sample each
 MachineData machine_data(std::span<const Recording> recordings, double allowed_rms, std::size_t most_samples);
 
+/// Kept samples [begin, end) of one recording.
+struct MachineStretch {
+  std::size_t recording = 0, begin = 0, end = 0;
+};
+
+/// These stretches at the stride and scale of a search, in its folds.
+MachineData at_stretches(std::span<const Recording> recordings, const MachineData& searched,
+                         std::span<const MachineStretch> stretches);
+
 /// Every recording from its first sample to its last, at the stride and scale of a search: a fit of that search runs on
 /// them as it stands, but for its starts. Without folds.
 MachineData whole_records(std::span<const Recording> recordings, const MachineData& searched);

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/discrepancy/machine_chance.h"
 #include "core/linear_algebra/solve.h"
 
 namespace valvetriage {
@@ -13,13 +14,42 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr std::size_t kShifts = 199;
-constexpr std::size_t kBlocks = 12;  // over all records
+constexpr std::size_t kMostRows = 40'000;
 constexpr double kDependent = 1e-9;  // a state that the others tell
+
+/// Of how many rows each is looked at, so that there are not too many.
+std::size_t stride_of(const MachineData& data) {
+  return (data.samples() + kMostRows - 1) / kMostRows;
+}
+
+MatrixXd every(const MatrixXd& rows, std::size_t stride) {
+  const auto step = static_cast<Index>(stride);
+  return rows(Eigen::seq(0, rows.rows() - 1, step), Eigen::all);
+}
+
+/// What a fit leaves of one record, none where a sample is not valid; less the line from its beginning to its end, so
+/// that moved along the record it does not jump where the end meets the beginning.
+VectorXd residual_of(const MachineData& data, std::size_t r, const std::vector<double>& run) {
+  constexpr Index kEnds = 50;  // of the record is averaged at either end: one part
+  const MachineRecord& record = data.records[r];
+  const auto n = static_cast<Index>(record.input.size());
+  VectorXd residual = VectorXd::Zero(n);
+  for (const std::size_t t : record.valid) residual[static_cast<Index>(t)] = record.output[t] - run[t];
+  const Index ends = std::max<Index>(n / kEnds, 1);
+  const double from = residual.head(ends).mean(), to = residual.tail(ends).mean();
+  return residual - VectorXd::LinSpaced(n, from, to);
+}
+
+/// What is left of columns beside an orthonormal basis.
+MatrixXd without(const MatrixXd& basis, MatrixXd columns) {
+  columns -= (basis * (basis.transpose() * columns)).eval();
+  return columns;
+}
 
 /// What one record's residual is regressed on, and where it is cut.
 struct Regression {
   VectorXd residual;
+  MatrixXd own;                 ///< orthonormal: what the linear machine takes up over the whole record
   std::vector<Index> cuts;      ///< blocks begin here; the last is the end
   std::vector<MatrixXd> bases;  ///< orthonormal, per block
 };
@@ -35,15 +65,12 @@ MatrixXd states_of(const MachineRecord& record, const MachineFit& linear) {
 }
 
 Regression regression_of(const MachineData& data, std::size_t r, const MachineFit& linear, std::size_t blocks) {
-  const MachineRecord& record = data.records[r];
-  const auto n = static_cast<Index>(record.input.size());
-  const MatrixXd states = states_of(record, linear);
-  Regression regression{.residual = VectorXd::Zero(n)};
-  const auto run = run_record(data, r, linear);
-  for (const std::size_t t : record.valid) regression.residual[static_cast<Index>(t)] = record.output[t] - run[t];
+  const std::size_t stride = stride_of(data);
+  const MatrixXd states = every(states_of(data.records[r], linear), stride);
+  Regression regression{.residual = every(residual_of(data, r, run_record(data, r, linear)), stride)};
   // What holds over the whole record is the linear machine's own, a numerator that could be better.
-  const MatrixXd over_all = orthonormal_basis(states, kDependent);
-  regression.residual -= over_all * (over_all.transpose() * regression.residual).eval();
+  regression.own = orthonormal_basis(states, kDependent);
+  const Index n = states.rows();
   for (std::size_t b = 0; b <= blocks; ++b) {
     regression.cuts.push_back(n * static_cast<Index>(b) / static_cast<Index>(blocks));
     if (b == 0) continue;
@@ -54,13 +81,10 @@ Regression regression_of(const MachineData& data, std::size_t r, const MachineFi
 }
 
 /// Share of the residual, moved on by a part of each record, that the blocks' regressions take up.
-double share_of(const std::vector<Regression>& regressions, double part) {
+double share_of_blocks(const std::vector<Regression>& regressions, double part) {
   double explained = 0, power = 0;
   for (const Regression& regression : regressions) {
-    const Index n = regression.residual.size();
-    const auto shift = static_cast<Index>(part * static_cast<double>(n));
-    VectorXd moved(n);
-    moved << regression.residual.tail(n - shift), regression.residual.head(shift);
+    const VectorXd moved = without(regression.own, shifted(regression.residual, part));
     for (std::size_t b = 0; b < regression.bases.size(); ++b) {
       const Index begin = regression.cuts[b];
       const auto block = moved.segment(begin, regression.cuts[b + 1] - begin);
@@ -71,25 +95,139 @@ double share_of(const std::vector<Regression>& regressions, double part) {
   return power > 0 ? explained / power : 0;
 }
 
+/// A signal's range over all records, as [-1, 1].
+struct Range {
+  double low = INFINITY, high = -INFINITY;
+  void add(const std::vector<double>& values) {
+    for (const double x : values) {
+      low = std::min(low, x);
+      high = std::max(high, x);
+    }
+  }
+  VectorXd scaled(const std::vector<double>& values) const {
+    const Eigen::Map<const VectorXd> x(values.data(), static_cast<Index>(values.size()));
+    if (!(high > low)) return VectorXd::Zero(x.size());
+    return (2 * (x.array() - low) / (high - low) - 1).matrix();
+  }
+};
+
+VectorXd lagged(const VectorXd& x, double samples) {
+  const double keep = std::exp(-1 / samples);
+  VectorXd y(x.size());
+  double state = x.size() > 0 ? x[0] : 0;
+  for (Index t = 0; t < x.size(); ++t) y[t] = state = x[t] + keep * (state - x[t]);
+  return y;
+}
+
+VectorXd played(const VectorXd& x, double width) {
+  VectorXd y(x.size());
+  double state = x.size() > 0 ? x[0] : 0;
+  for (Index t = 0; t < x.size(); ++t) y[t] = state = std::clamp(state, x[t] - width / 2, x[t] + width / 2);
+  return y;
+}
+
+VectorXd speed_of(const VectorXd& x) {
+  VectorXd v = VectorXd::Zero(x.size());
+  v.tail(x.size() - 1) = x.tail(x.size() - 1) - x.head(x.size() - 1);
+  return v;
+}
+
+/// Chebyshev polynomials of degree 2 to 4 of what lies in [-1, 1].
+void add_curves(const VectorXd& q, std::vector<VectorXd>& columns) {
+  const auto x = q.array();
+  columns.push_back((2 * x.square() - 1).matrix());
+  columns.push_back((4 * x.cube() - 3 * x).matrix());
+  columns.push_back((8 * x.square().square() - 8 * x.square() + 1).matrix());
+}
+
+/// Curves, plays and speeds of one record's input and simulated output, those of the input behind lags, too.
+MatrixXd curves_of(const VectorXd& input, const VectorXd& simulated, const std::vector<double>& lags) {
+  std::vector<VectorXd> now;
+  add_curves(input, now);
+  for (const double width : {0.2, 0.6}) now.push_back(played(input, width));
+  now.push_back(speed_of(input).cwiseAbs());
+  std::vector<VectorXd> columns = now;
+  for (const double samples : lags) {
+    for (const VectorXd& column : now) columns.push_back(lagged(column, samples));
+  }
+  const VectorXd speed = speed_of(simulated);
+  add_curves(simulated, columns);
+  columns.push_back(speed.cwiseAbs());
+  columns.push_back(speed.cwiseProduct(speed.cwiseAbs()));
+  columns.push_back(speed.cwiseProduct(simulated));
+  columns.push_back(input.cwiseProduct(simulated));
+  MatrixXd all(input.size(), static_cast<Index>(columns.size()));
+  for (std::size_t c = 0; c < columns.size(); ++c) all.col(static_cast<Index>(c)) = columns[c];
+  return all;
+}
+
+MatrixXd stacked(const std::vector<MatrixXd>& parts) {
+  Index rows = 0;
+  for (const MatrixXd& part : parts) rows += part.rows();
+  MatrixXd all(rows, parts.front().cols());
+  Index at = 0;
+  for (const MatrixXd& part : parts) {
+    all.middleRows(at, part.rows()) = part;
+    at += part.rows();
+  }
+  return all;
+}
+
+/// Without the straight line of each column: a record that is moved along would jump by it.
+MatrixXd without_lines(MatrixXd columns) {
+  const Index n = columns.rows();
+  MatrixXd line(n, 2);
+  line.col(0).setOnes();
+  line.col(1) = VectorXd::LinSpaced(n, -1, 1);
+  return without(orthonormal_basis(line, kDependent), std::move(columns));
+}
+
 }  // namespace
 
-LocalAnswer local_answer(const MachineData& data, const MachineFit& linear) {
+LeftAnswer local_answer(const MachineData& data, const MachineFit& linear, std::size_t over_all) {
   if (data.records.empty() || linear.machine.blocks.empty()) return {};
-  const std::size_t blocks = std::max<std::size_t>(2, kBlocks / data.records.size());
+  const std::size_t blocks = std::max<std::size_t>(2, over_all / data.records.size());
   std::vector<Regression> regressions;
   for (std::size_t r = 0; r < data.records.size(); ++r) {
     regressions.push_back(regression_of(data, r, linear, blocks));
   }
-  const double share = share_of(regressions, 0);
-  if (!std::isfinite(share)) return {};
-  std::vector<double> by_chance;
-  std::size_t as_much = 0;
-  for (std::size_t k = 1; k <= kShifts; ++k) {
-    by_chance.push_back(share_of(regressions, static_cast<double>(k) / static_cast<double>(kShifts + 1)));
-    as_much += by_chance.back() >= share ? 1 : 0;
+  return beyond_chance([&](double part) { return share_of_blocks(regressions, part); });
+}
+
+LeftAnswer curved_answer(const MachineData& data, const MachineFit& linear) {
+  constexpr std::size_t kLagsInRecord = 8;  // a longer lag is a drift
+  if (data.records.empty() || linear.machine.blocks.empty()) return {};
+  std::vector<std::vector<double>> runs;
+  Range inputs, outputs;
+  std::size_t shortest = SIZE_MAX;
+  for (std::size_t r = 0; r < data.records.size(); ++r) {
+    runs.push_back(run_record(data, r, linear));
+    inputs.add(data.records[r].input);
+    outputs.add(runs[r]);
+    shortest = std::min(shortest, runs[r].size());
   }
-  std::nth_element(by_chance.begin(), by_chance.begin() + kShifts / 2, by_chance.end());
-  return {share - by_chance[kShifts / 2], static_cast<double>(1 + as_much) / static_cast<double>(kShifts + 1)};
+  std::vector<double> lags{2, 8, 32, 128};
+  std::erase_if(lags, [&](double samples) { return samples * kLagsInRecord > static_cast<double>(shortest); });
+
+  const std::size_t stride = stride_of(data);
+  std::vector<MatrixXd> residuals, curves, states;
+  for (std::size_t r = 0; r < data.records.size(); ++r) {
+    const MachineRecord& record = data.records[r];
+    residuals.push_back(every(residual_of(data, r, runs[r]), stride));
+    curves.push_back(
+        without_lines(every(curves_of(inputs.scaled(record.input), outputs.scaled(runs[r]), lags), stride)));
+    states.push_back(without_lines(every(states_of(record, linear), stride)));
+  }
+  // What the linear machine's own states take up is its own, a numerator that could be better.
+  const MatrixXd own = orthonormal_basis(stacked(states), kDependent);
+  const MatrixXd basis = orthonormal_basis(without(own, stacked(curves)), kDependent);
+  return beyond_chance([&](double part) {
+    std::vector<MatrixXd> records;
+    for (const MatrixXd& residual : residuals) records.push_back(without_lines(shifted(residual, part)));
+    const VectorXd moved = without(own, stacked(records));
+    const double power = moved.squaredNorm();
+    return power > 0 ? (basis.transpose() * moved).squaredNorm() / power : 0;
+  });
 }
 
 }  // namespace valvetriage

@@ -4,8 +4,8 @@
 
 namespace valvetriage {
 
-/// How much of what a linear machine leaves follows its own states for a while, and whether chance does that too.
-struct LocalAnswer {
+/// How much of what a linear machine leaves answers the input in some way, and whether chance does that too.
+struct LeftAnswer {
   double share = 0;    ///< of the residual's power, beyond what the same residual at other times has
   double p_value = 1;  ///< of that much by a residual that knows nothing of the input
 };
@@ -15,8 +15,15 @@ struct LocalAnswer {
 /// any memory does so by chance only. What chance does is seen on the residual itself, moved against the states along
 /// the record (circular shifts keep both as they are and break only what joins them).
 ///
-/// Only for a machine that sets no input of its own: under feedback the input answers the residual.
-/// Cost  O(shifts · n · states)
-LocalAnswer local_answer(const MachineData& data, const MachineFit& linear);
+/// linear  with its starts on `data`; a machine that sets no input of its own: under feedback the input answers the
+///         residual
+/// blocks  over all records, at least two in each: many see quick changes, few see a change between few steps
+/// Cost    O(shifts · rows · states), of at most 40,000 rows
+LeftAnswer local_answer(const MachineData& data, const MachineFit& linear, std::size_t blocks);
+
+/// The same with curves of the input and of the simulated output, plays of the input and speeds, each at once and
+/// behind lags, regressed on over all records: what a map, a memory or a damping of any shape leaves, though no law of
+/// the vocabulary may fit it.
+LeftAnswer curved_answer(const MachineData& data, const MachineFit& linear);
 
 }  // namespace valvetriage

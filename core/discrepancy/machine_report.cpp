@@ -8,6 +8,7 @@
 #include <functional>
 #include <limits>
 
+#include "core/discrepancy/machine_shape.h"
 #include "core/statistics/distributions.h"
 
 namespace valvetriage {
@@ -95,34 +96,6 @@ double at_reading(const MachineData& data, const MachineFit& fit, std::size_t fr
     }
   }
   return value;
-}
-
-constexpr double kLeastShare = 0.005;  // of the samples: what is seen at fewer is chance
-
-/// The signal that enters a block, at the valid samples of all records.
-std::vector<double> entering(const MachineData& data, const MachineFit& fit, std::size_t block) {
-  std::vector<double> values;
-  for (std::size_t r = 0; r < data.records.size(); ++r) {
-    const MachineRecord& record = data.records[r];
-    Machine before = fit.machine;
-    before.blocks.resize(block);
-    const auto signal =
-        run_machine(before, {.start_s = record.start_s, .side = record.side}, fit.starts[r], record.input);
-    for (const std::size_t t : record.valid) values.push_back(signal[t]);
-  }
-  return values;
-}
-
-/// Whether a limit is passed by the signal that enters it, often enough to be seen: a limit out of reach is a curve at
-/// most, and the name of a level that nothing ever came to would be a guess.
-bool is_reached(const MachineData& data, const MachineFit& fit, std::size_t limit) {
-  const MachineBlock& block = fit.machine.blocks[limit];
-  const double level = block.parameters[0];
-  const std::vector<double> signal = entering(data, fit, limit);
-  const auto beyond = std::count_if(signal.begin(), signal.end(), [&](double x) {
-    return block.law == MachineLaw::kUpperLimit ? x > level : x < level;
-  });
-  return beyond >= 3 && static_cast<double>(beyond) >= kLeastShare * static_cast<double>(signal.size());
 }
 
 /// Whether the lower tank of a chain stands at its rim, often enough to be seen.
@@ -357,28 +330,6 @@ std::vector<std::pair<std::string, ParameterEstimate>> cause_parameters(const st
     writer.add("gain_change", b, 0, 1, 0, "");
   }
   return writer.estimates;
-}
-
-bool has_true_stops(const MachineData& data, const MachineFit& fit) {
-  constexpr double kStep = 1e-4, kStands = 0.1;
-  for (std::size_t b = 0; b < fit.machine.blocks.size(); ++b) {
-    const MachineBlock& block = fit.machine.blocks[b];
-    if (block.law != MachineLaw::kUpperLimit && block.law != MachineLaw::kLowerLimit) continue;
-    if (!is_reached(data, fit, b)) continue;
-    if (b > 0 && block.law == MachineLaw::kLowerLimit && fit.machine.blocks[b - 1].law == MachineLaw::kUpperLimit) {
-      const auto& upper = fit.machine.blocks[b - 1].parameters;
-      if (upper[0] - block.parameters[0] < upper[1] + block.parameters[1]) return false;
-    }
-    const std::vector<double> signal = entering(data, fit, b);
-    std::vector<double> at = signal, above = signal;
-    for (double& x : above) x += kStep;
-    run_block(block, fit.machine.sample_period_s, {}, {}, at, at);
-    run_block(block, fit.machine.sample_period_s, {}, {}, above, above);
-    std::size_t stands = 0;
-    for (std::size_t i = 0; i < at.size(); ++i) stands += above[i] - at[i] < kStands * kStep ? 1 : 0;
-    if (static_cast<double>(stands) < kLeastShare * static_cast<double>(at.size())) return false;
-  }
-  return true;
 }
 
 std::map<std::string, double> excluded_sizes(const MachineScore& score, const MachineScore& linear,

@@ -29,10 +29,6 @@ std::map<std::string, double> excluded_sizes(const MachineScore& score, const Ma
 /// True for causes whose parameters tell no size.
 bool have_certain_sizes(const std::vector<std::string>& causes, const MachineData& data, const MachineFit& fit);
 
-/// False where the limits of a chain bend rather than stop: one is passed and yet follows more than a tenth of what
-/// enters it, or two are rounded so much that they leave no straight way between them. True for a chain without limits.
-bool has_true_stops(const MachineData& data, const MachineFit& fit);
-
 /// False for a law that stands in the chain but does nothing: width, curvature or amplitude next to zero, a level that
 /// is never reached.
 bool has_effect(const MachineScore& score, const MachineData& data, const MachineGround& ground);

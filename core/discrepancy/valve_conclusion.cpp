@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <numeric>
 #include <span>
 
@@ -321,16 +322,26 @@ void add_parameters(const Grounds& grounds, std::size_t l, NamedCause& named) {
   }
 }
 
+/// Odds that a good valve shows as much by chance, to those of a fault, which are even before: the least that any fault
+/// whose p-values are the smaller the likelier leaves for chance, −e p ln p. Sellke, Bayarri and Berger, The American
+/// Statistician 55 (2001) 62.
+double odds_of_chance(const WonPlace& place) {
+  const double p = place.p_value;
+  if (!(p > 0)) return 0;
+  return p < 1 / std::numbers::e ? -std::numbers::e * p * std::log(p) : 1;
+}
+
 NamedCause named_cause(const Grounds& grounds, std::size_t l, bool explained) {
   const Mechanism& law = *grounds.explanation().laws[l].law.law;
   const WonPlace& place = grounds.searched.places[l];
   NamedCause named{
       .cause = std::string(law.cause), .family = std::string(law.family), .origin = std::string(law.origin)};
   named.p_value = place.p_value;
-  named.family_probability = family_probability(place.ranked, law.family);
+  const double is_there = 1 / (1 + odds_of_chance(place));
+  named.family_probability = is_there * family_probability(place.ranked, law.family);
   for (const Ranked& r : place.ranked) {
     if (r.cause == named.cause) {
-      named.probability = r.probability;
+      named.probability = is_there * r.probability;
       named.evidence.push_back(fmt::format(
           "with it the squared error is less by {:.0f} noise variances, {:.0f} of them borne out wherever it "
           "acts; a good valve shows as much with a probability of {:.2g}",
@@ -339,8 +350,11 @@ NamedCause named_cause(const Grounds& grounds, std::size_t l, bool explained) {
       named.alternatives.push_back(r.cause);
     }
   }
-  if (!explained) named.probability = std::min(named.probability, kUnexplainedName);
-  if (named.probability < kSettled && named.alternatives.empty()) {
+  if (!explained) {
+    named.probability = std::min(named.probability, kUnexplainedName);
+    named.family_probability = std::min(named.family_probability, kUnexplainedName);
+  }
+  if (explained && named.probability < kSettled && named.alternatives.empty()) {
     const auto next =
         std::find_if(place.ranked.begin(), place.ranked.end(), [&](const Ranked& r) { return r.cause != named.cause; });
     if (next != place.ranked.end()) named.alternatives.push_back(next->cause);
@@ -543,6 +557,24 @@ std::vector<Candidate> together_of(const std::vector<WonPlace>& places, const Di
   return together;
 }
 
+/// What is there where one of several causes is chance: the others.
+std::vector<Candidate> without_one(const std::vector<WonPlace>& places, const Discrepancy& discrepancy) {
+  double odds = 1;
+  for (const WonPlace& place : places) odds += odds_of_chance(place);
+  std::vector<Candidate> fewer;
+  for (std::size_t l = 0; l < discrepancy.causes.size(); ++l) {
+    std::string others;
+    for (std::size_t other = 0; other < discrepancy.causes.size(); ++other) {
+      if (other != l) others += (others.empty() ? "" : "+") + discrepancy.causes[other].cause;
+    }
+    fewer.push_back({.cause = std::move(others),
+                     .probability = odds_of_chance(places[l]) / odds,
+                     .rmse_heldout = kUnknown,
+                     .reason = "without " + discrepancy.causes[l].cause});
+  }
+  return fewer;
+}
+
 std::vector<Candidate> candidates_of(const Grounds& grounds, const Discrepancy& discrepancy, const Leftover& leftover,
                                      const LinearisedValve& linear, bool is_taken_up,
                                      std::span<const Finding> unnamed) {
@@ -561,13 +593,15 @@ std::vector<Candidate> candidates_of(const Grounds& grounds, const Discrepancy& 
   };
   double odds_of_any = 0;
   for (const UnseenCause& unseen : searched.unseen) odds_of_any += unseen.odds;
-  const double nothing_unseen = 1 / (1 + odds_of_any);
+  const double chance = is_alone ? odds_of_chance(searched.places.front()) : 0;
+  const double nothing_unseen = 1 / (1 + chance) / (1 + odds_of_any);
   std::vector<Candidate> candidates;
   candidates.push_back({.cause = "none",
-                        .probability = is_none ? nothing_unseen : 0.0,
+                        .probability = is_none ? nothing_unseen : chance / (1 + chance),
                         .rmse_heldout = discrepancy.gain.rmse_baseline,
-                        .reason = is_none ? "nothing beyond what good valves leave"
-                                          : "the simulation leaves more than any good valve would"});
+                        .reason = is_none    ? "nothing beyond what good valves leave"
+                                  : is_alone ? "a good valve leaves as much by chance only"
+                                             : "the simulation leaves more than any good valve would"});
   for (const Tested& tested : searched.first.survey.tested) {
     Candidate candidate{.cause = tested.cause(), .rmse_heldout = kUnknown};
     if (is_none) candidate.probability = odds_of(candidate.cause) * nothing_unseen;
@@ -597,9 +631,23 @@ std::vector<Candidate> candidates_of(const Grounds& grounds, const Discrepancy& 
     }
   }
   if (laws > 1) {
-    for (Candidate& together : together_of(searched.places, discrepancy)) {
-      if (is_unknown) together.probability = 0;
-      candidates.push_back(std::move(together));
+    const std::vector<Candidate> fewer = without_one(searched.places, discrepancy);
+    double fewer_than_all = 0;
+    for (const Candidate& candidate : fewer) fewer_than_all += candidate.probability;
+    std::vector<Candidate> several = together_of(searched.places, discrepancy);
+    for (Candidate& together : several) together.probability *= 1 - fewer_than_all;
+    for (const Candidate& candidate : fewer) {
+      const auto known = std::find_if(candidates.begin(), candidates.end(),
+                                      [&](const Candidate& c) { return c.cause == candidate.cause; });
+      if (known == candidates.end()) {
+        several.push_back(candidate);
+      } else if (!is_unknown) {
+        known->probability += candidate.probability;
+      }
+    }
+    for (Candidate& candidate : several) {
+      if (is_unknown) candidate.probability = 0;
+      candidates.push_back(std::move(candidate));
     }
   }
   candidates.push_back({.cause = "unknown",
@@ -703,7 +751,7 @@ ValveDiagnosis conclude_search(const SearchedValve& searched, const ValveDiagnos
   measure_each(searched, others, discrepancy);
   discrepancy.candidates = candidates_of(grounds, discrepancy, leftover, linear, is_taken_up, unnamed);
   // No test tells apart causes of which none is the answer.
-  if (unnamed.empty()) {
+  if (explained) {
     discrepancy.next_test = next_test(grounds, discrepancy.causes, leftover.p_value > kUsualLeftover);
   }
 

@@ -162,7 +162,8 @@ class Diagnosis {
       if (law.size_parameter >= law.parameters.size() || law.memory || !std::isfinite(law.neutral)) continue;
       const double from_none =
           explanation.problem->law_parameters(explanation.v, l, 0)[law.size_parameter] - law.neutral;
-      if (std::abs(from_none) >= kTwoSided95 * errors[size]) continue;
+      // An error that is no number tells nothing against a law.
+      if (!(std::abs(from_none) < kTwoSided95 * errors[size])) continue;
       drop(explanation, l);
       return true;
     }

@@ -7,7 +7,10 @@
 
 #include "core/discrepancy/machine_conclusion.h"
 #include "core/discrepancy/machine_feedback.h"
+#include "core/discrepancy/machine_linear.h"
 #include "core/discrepancy/machine_report.h"
+#include "core/discrepancy/machine_second_look.h"
+#include "core/mechanisms/mechanism.h"
 #include "core/recording/prepare.h"
 #include "core/residual/fit_figures.h"
 #include "tests/unit/discrepancy/machines.h"
@@ -193,6 +196,27 @@ TEST(MachineData, AWindowDoesNotStandWhereTheInputRests) {
   }
 }
 
+TEST(MachineData, ASecondLookGoesWhereMostIsLeftAndKeepsHalfOfTheFirst) {
+  const auto u = random_command(4000, 5, 141);
+  Signal y = lag(u, 0.05, kPeriod_s);
+  for (std::size_t t = 2600; t < 2900; ++t) y[t] += 1;
+  const std::vector<Recording> recordings{recording(u, y, kPeriod_s, kNoise, 142),
+                                          recording(u, lag(u, 0.05, kPeriod_s), kPeriod_s, kNoise, 143)};
+  const MachineData first = machine_data(recordings, 0, 1000);
+  ASSERT_EQ(first.records.size(), 2U);
+  const MachineData whole = whole_records(recordings, first);
+  LinearMachine lags = linear_machine(1, std::vector{std::complex<double>(std::exp(-kPeriod_s / 0.05))}, 0, 1, whole);
+  ASSERT_TRUE(solve_linear(whole, lags));
+  const auto second = second_look(recordings, first, whole, lags.fit, 0.01);
+  ASSERT_TRUE(second.has_value());
+  ASSERT_EQ(second->records.size(), 4U);
+  EXPECT_NEAR(static_cast<double>(second->samples()), static_cast<double>(first.samples()), 2);
+  EXPECT_EQ(second->records[0].start_s, 0);
+  EXPECT_NEAR(second->records[1].start_s, 2600 * kPeriod_s, 100 * kPeriod_s);
+  // Nothing is left that noise does not leave: no second look.
+  EXPECT_FALSE(second_look(recordings, first, whole, lags.fit, 1.0).has_value());
+}
+
 TEST(Machine, ALongRecordingIsExplainedFromEndToEnd) {
   const auto u = random_command(9000, 5, 77);
   const auto limited = each(lag(u, 0.06, kPeriod_s), [](double x) { return std::min(x, 0.4); });
@@ -202,6 +226,107 @@ TEST(Machine, ALongRecordingIsExplainedFromEndToEnd) {
   ASSERT_FALSE(HasFatalFailure());
   // The law has its parameters from 9,000 samples: what is left is noise.
   EXPECT_LT(fit_figures(measured.output.values, diagnosis.extended[0], {}).rmse, 1.1 * kNoise);
+}
+
+/// Several recordings of one machine, of which the search sees a part.
+MachineDiagnosis diagnosis_of_parts(const std::vector<Recording>& recordings, std::size_t most_samples) {
+  auto diagnosis = diagnose_machine(recordings, MachineOptions{.most_samples = most_samples});
+  EXPECT_TRUE(diagnosis.has_value());
+  return std::move(diagnosis.value());
+}
+
+/// Small commands first, then large ones.
+Signal rising_command(std::size_t samples, std::uint64_t seed) {
+  Signal u = random_command(samples, 25, seed);
+  for (std::size_t t = 0; t < samples / 2; ++t) u[t] *= 0.3;
+  return u;
+}
+
+TEST(Machine, AStopThatOnlyTheLaterHalvesOfLongRecordingsComeToIsFound) {
+  std::vector<Recording> recordings;
+  for (const std::uint64_t seed : {101, 103, 105}) {
+    const Signal u = rising_command(1600, seed);
+    const Signal y = each(lag(u, 0.1, kPeriod_s), [](double x) { return std::min(x, 0.7); });
+    recordings.push_back(recording(u, y, kPeriod_s, kNoise, seed + 1));
+  }
+  const auto diagnosis = diagnosis_of_parts(recordings, 1500);
+  expect_found(diagnosis, "saturation");
+  ASSERT_FALSE(HasFatalFailure());
+  EXPECT_NEAR(parameter(diagnosis.discrepancy.causes.front(), "level_psi"), 0.7, 0.02);
+}
+
+TEST(Machine, ATimeConstantThatChangesWhereTheSearchDoesNotLookIsStructure) {
+  std::vector<Recording> recordings;
+  for (const std::uint64_t seed : {111, 113, 115}) {
+    const Signal u = random_command(1600, 25, seed);
+    const Signal before = lag(u, 0.15, kPeriod_s), after = lag(u, 0.5, kPeriod_s);
+    Signal y = before;
+    std::copy(after.begin() + 900, after.end(), y.begin() + 900);
+    recordings.push_back(recording(u, y, kPeriod_s, kNoise, seed + 1));
+  }
+  EXPECT_EQ(diagnosis_of_parts(recordings, 1500).discrepancy.conclusion, Conclusion::kUnexplained);
+}
+
+TEST(Machine, AMapThatFoldsAtTheMiddleIsStructureAndNotNothing) {
+  const auto u = random_command(1800, 25, 121);
+  const auto y = Oscillator{}.run(each(u, [](double x) { return -x * x; }), kPeriod_s);
+  const Discrepancy d = diagnosis_of(recording(u, y, kPeriod_s, kNoise, 122)).discrepancy;
+  EXPECT_NE(d.conclusion, Conclusion::kNone);
+}
+
+TEST(Machine, ACurveThatNeverStopsIsNoCertainSaturationHoweverCloselyTwoRoundedStopsFollowIt) {
+  const auto u = each(random_command(1800, 25, 123), [](double x) { return 0.5 * x; });
+  const auto y = lag(each(u, [](double x) { return x - 0.3 * x * x * x; }), 0.15, kPeriod_s);
+  const Discrepancy d = diagnosis_of(recording(u, y, kPeriod_s, 0.005, 124)).discrepancy;
+  EXPECT_NE(d.conclusion, Conclusion::kNamed);
+}
+
+TEST(Machine, AnOutputThatGoesUpAndDownOnItsOwnIsNotNamed) {
+  const auto u = two_levels(1000, 200, 125);
+  Signal y(u.size());
+  for (std::size_t t = 0; t < y.size(); ++t) y[t] = std::sin(5 * static_cast<double>(t) * kPeriod_s) > 0 ? 1 : -1;
+  const Discrepancy d = diagnosis_of(recording(u, y, kPeriod_s, kNoise, 126)).discrepancy;
+  EXPECT_NE(d.conclusion, Conclusion::kNamed);
+}
+
+TEST(Machine, ALinearMachineThatReachesTheNoiseOfAllRecordingsHasNothingWrongThoughNoneTellsTheOthers) {
+  // Only the fast recording excites the second mode, and what is fitted to the others does not know of it.
+  std::vector<Recording> recordings;
+  for (const auto& u : {random_command(1200, 300, 127), random_command(1200, 250, 128), sweep(1200, 0.005, 10)}) {
+    const auto slow = Oscillator{.omega = 12, .zeta = 0.1}.run(u, 0.005);
+    const auto fast = Oscillator{.omega = 41, .zeta = 0.05}.run(u, 0.005);
+    Signal y(u.size());
+    for (std::size_t t = 0; t < y.size(); ++t) y[t] = slow[t] + 0.4 * fast[t];
+    recordings.push_back(recording(u, y, 0.005, kNoise, 129));
+  }
+  expect_nothing(diagnosis_of_parts(recordings, 5000).discrepancy);
+}
+
+TEST(Machine, EveryCauseHasARowThatSaysWhyWhereItWasNotTried) {
+  std::vector<Recording> recordings;
+  for (const std::uint64_t seed : {131, 133}) {
+    const auto u = random_command(600, 25, seed);
+    recordings.push_back(recording(u, lag(u, 0.2, kPeriod_s), kPeriod_s, kNoise, seed + 1));
+  }
+  const Discrepancy d = diagnosis_of_parts(recordings, 5000).discrepancy;
+  expect_nothing(d);
+  for (const Mechanism* mechanism : all_mechanisms()) {
+    const auto row = std::find_if(d.candidates.begin(), d.candidates.end(),
+                                  [&](const Candidate& c) { return c.cause == mechanism->cause; });
+    ASSERT_NE(row, d.candidates.end()) << mechanism->cause;
+    if (std::isnan(row->rmse_heldout)) {
+      EXPECT_FALSE(row->reason.empty()) << mechanism->cause;
+    }
+  }
+}
+
+TEST(MachineData, AReadingFarFromZeroHasItsOwnScale) {
+  const auto u = random_command(900, 25, 135);
+  const auto far = each(lag(u, 0.2, kPeriod_s), [](double x) { return 1e6 + 1e-2 * x; });
+  const auto near = each(lag(u, 0.2, kPeriod_s), [](double x) { return 1e-2 * x; });
+  const Recording at_far = recording(u, far, kPeriod_s, 0, 136), at_near = recording(u, near, kPeriod_s, 0, 136);
+  const MachineData a = machine_data(std::span(&at_far, 1), 0, 5000), b = machine_data(std::span(&at_near, 1), 0, 5000);
+  EXPECT_NEAR(a.output_scale / b.output_scale, 1, 1e-6);
 }
 
 TEST(Machine, AHardeningSpringIsFound) {
@@ -529,33 +654,39 @@ MachineSearch searched(const std::vector<MachineScore>& scores) {
   return search;
 }
 
+/// With nothing to look at but the scores.
+MachineVerdict concluded_from(const MachineSearch& search, double noise_rms, bool feedback) {
+  const MachineData none;
+  return conclude(search, none, {.data = none, .linear = search.linear.fit}, noise_rms, feedback);
+}
+
 TEST(MachineConclusion, APairIsNotMeasuredAgainstASingleThatDoesNotBeatTheLinearMachine) {
   // The single is far closer on half of the blocks, farther on the others: no law, yet close on the mean.
   std::vector<double> uneven;
   for (int i = 0; i < 12; ++i) uneven.push_back(i % 2 == 0 ? 0.2 : 1.3);
   const auto search = searched(
       {scored({"orifice_flow", "saturation"}, std::vector<double>(12, 0.48), 53), scored({"hysteresis"}, uneven, 52)});
-  const MachineVerdict verdict = conclude(search, MachineData{}, 0.3, false);
+  const MachineVerdict verdict = concluded_from(search, 0.3, false);
   ASSERT_NE(verdict.winner, nullptr);
   EXPECT_EQ(verdict.winner->name(), "orifice_flow+saturation");
 }
 
 TEST(MachineConclusion, ALawThatReachesTheNoiseIsNamedThoughTheLinearMachineIsNotFarAboveIt) {
   const auto search = searched({scored({"friction"}, std::vector<double>(12, 0.7), 54)});
-  EXPECT_EQ(conclude(search, MachineData{}, 0.7, false).conclusion, Conclusion::kNamed);
+  EXPECT_EQ(concluded_from(search, 0.7, false).conclusion, Conclusion::kNamed);
 }
 
 TEST(MachineConclusion, AMemoryThatLeavesMoreThanTwiceTheNoiseIsNotCertain) {
   const auto search = searched({scored({"hysteresis"}, std::vector<double>(12, 0.25), 61),
                                 scored({"saturation"}, std::vector<double>(12, 0.9), 62)});
-  EXPECT_EQ(conclude(search, MachineData{}, 0.1, false).conclusion, Conclusion::kAmbiguous);
-  EXPECT_EQ(conclude(search, MachineData{}, 0.2, false).conclusion, Conclusion::kNamed);
+  EXPECT_EQ(concluded_from(search, 0.1, false).conclusion, Conclusion::kAmbiguous);
+  EXPECT_EQ(concluded_from(search, 0.2, false).conclusion, Conclusion::kNamed);
 }
 
 TEST(MachineConclusion, AMemoryThatTakesNearlyAllThatTheLinearMachineLeavesIsCertainAboveTheNoise) {
   const auto search = searched({scored({"friction"}, std::vector<double>(12, 0.05), 73),
                                 scored({"saturation"}, std::vector<double>(12, 0.9), 74)});
-  EXPECT_EQ(conclude(search, MachineData{}, 0.01, false).conclusion, Conclusion::kNamed);
+  EXPECT_EQ(concluded_from(search, 0.01, false).conclusion, Conclusion::kNamed);
 }
 
 TEST(MachineConclusion, WhatIsNowhereNearIsNoRivalAndWhatLooksAlikeIs) {
@@ -563,7 +694,7 @@ TEST(MachineConclusion, WhatIsNowhereNearIsNoRivalAndWhatLooksAlikeIs) {
   const auto search = searched({scored({"friction"}, std::vector<double>(12, 0.25), 75),
                                 scored({"saturation"}, std::vector<double>(12, 0.9), 76),
                                 scored({"backlash"}, std::vector<double>(12, 0.95), 77)});
-  const MachineVerdict verdict = conclude(search, MachineData{}, 0.1, false);
+  const MachineVerdict verdict = concluded_from(search, 0.1, false);
   ASSERT_EQ(verdict.conclusion, Conclusion::kAmbiguous);
   EXPECT_EQ(verdict.alternatives.front(), std::vector<std::string>{"backlash"});
 }
@@ -573,7 +704,7 @@ TEST(MachineConclusion, ACauseThatIsCertainAloneIsNamedWithoutADoubtfulSecond) {
   const auto search = searched({scored({"friction", "sensor_drift"}, std::vector<double>(12, 0.035), 78),
                                 scored({"friction"}, std::vector<double>(12, 0.05), 79),
                                 scored({"saturation"}, std::vector<double>(12, 0.9), 80)});
-  const MachineVerdict verdict = conclude(search, MachineData{}, 0.01, false);
+  const MachineVerdict verdict = concluded_from(search, 0.01, false);
   EXPECT_EQ(verdict.conclusion, Conclusion::kNamed);
   EXPECT_EQ(verdict.winner->name(), "friction");
 }
@@ -581,7 +712,7 @@ TEST(MachineConclusion, ACauseThatIsCertainAloneIsNamedWithoutADoubtfulSecond) {
 TEST(MachineConclusion, NothingIsAddedToACauseThatLeavesNoMoreThanTheNoise) {
   const auto search = searched({scored({"hysteresis", "stiffening_spring"}, std::vector<double>(12, 0.07), 81),
                                 scored({"stiffening_spring"}, std::vector<double>(12, 0.09), 82)});
-  const MachineVerdict verdict = conclude(search, MachineData{}, 0.1, false);
+  const MachineVerdict verdict = concluded_from(search, 0.1, false);
   EXPECT_EQ(verdict.conclusion, Conclusion::kNamed);
   EXPECT_EQ(verdict.winner->name(), "stiffening_spring");
 }
@@ -603,7 +734,7 @@ TEST(MachineConclusion, ASecondCauseThatLeavesMuchOfWhatTheFirstLeavesIsNotCerta
   const auto concluded = [](double by_both) {
     const auto search = searched({scored({"orifice_flow"}, std::vector<double>(12, 0.2), 71),
                                   scored({"orifice_flow", "saturation"}, std::vector<double>(12, by_both), 72)});
-    return conclude(search, MachineData{}, 0.07, false).conclusion;
+    return concluded_from(search, 0.07, false).conclusion;
   };
   EXPECT_EQ(concluded(0.11), Conclusion::kNamed);
   EXPECT_NE(concluded(0.14), Conclusion::kNamed);
@@ -611,14 +742,14 @@ TEST(MachineConclusion, ASecondCauseThatLeavesMuchOfWhatTheFirstLeavesIsNotCerta
 
 TEST(MachineConclusion, ASpringThatGivesWayIsStructureWithoutAName) {
   const auto search = bent({.law = MachineLaw::kSpring, .parameters = {0}, .feedback = {0.05, 0}});
-  const MachineVerdict verdict = conclude(search, MachineData{}, 0.1, false);
+  const MachineVerdict verdict = concluded_from(search, 0.1, false);
   EXPECT_EQ(verdict.conclusion, Conclusion::kUnexplained);
   EXPECT_EQ(verdict.winner, nullptr);
 }
 
 TEST(MachineConclusion, AStructureWithoutANameIsUnknownAndNotNothing) {
   const auto search = bent({.law = MachineLaw::kSpring, .parameters = {0}, .feedback = {0.05, 0}});
-  const MachineVerdict verdict = conclude(search, MachineData{}, 0.1, false);
+  const MachineVerdict verdict = concluded_from(search, 0.1, false);
   double most = 0;
   std::string cause;
   for (const Candidate& candidate : verdict.candidates) {
@@ -631,16 +762,16 @@ TEST(MachineConclusion, AStructureWithoutANameIsUnknownAndNotNothing) {
 TEST(MachineConclusion, ANamelessLawThatIsFarCloserThanANamedOneLeavesNoName) {
   auto search = bent({.law = MachineLaw::kSpring, .parameters = {0}, .feedback = {0.05, 0}});
   search.scores.push_back(scored({"saturation"}, std::vector<double>(12, 0.6), 56));
-  EXPECT_EQ(conclude(search, MachineData{}, 0.1, false).conclusion, Conclusion::kUnexplained);
+  EXPECT_EQ(concluded_from(search, 0.1, false).conclusion, Conclusion::kUnexplained);
   search.scores.back() = scored({"saturation"}, std::vector<double>(12, 0.1), 56);
-  EXPECT_EQ(conclude(search, MachineData{}, 0.1, false).conclusion, Conclusion::kNamed);
+  EXPECT_EQ(concluded_from(search, 0.1, false).conclusion, Conclusion::kNamed);
 }
 
 TEST(MachineConclusion, ALawFarCloserOnTheMeanButOnTooFewBlocksDoesNotLeaveNothing) {
   std::vector<double> uneven(12, 1.3);
   std::fill(uneven.begin(), uneven.begin() + 4, 0.01);
   const auto search = searched({scored({"saturation"}, uneven, 60)});
-  const MachineVerdict verdict = conclude(search, MachineData{}, 0.3, false);
+  const MachineVerdict verdict = concluded_from(search, 0.3, false);
   EXPECT_EQ(verdict.conclusion, Conclusion::kUnexplained);
   EXPECT_EQ(verdict.winner, nullptr);
 }
@@ -649,7 +780,7 @@ TEST(MachineConclusion, AnEntryThatIsNotCertainHasARival) {
   const auto search = searched({scored({"saturation", "friction"}, std::vector<double>(12, 0.3), 57),
                                 scored({"saturation", "backlash"}, std::vector<double>(12, 0.31), 58),
                                 scored({"dead_band", "friction"}, std::vector<double>(12, 0.36), 59)});
-  const MachineVerdict verdict = conclude(search, MachineData{}, 0.29, false);
+  const MachineVerdict verdict = concluded_from(search, 0.29, false);
   ASSERT_EQ(verdict.conclusion, Conclusion::kAmbiguous);
   for (std::size_t i = 0; i < verdict.winner->causes.size(); ++i) {
     double probability = 0;
@@ -720,7 +851,7 @@ TEST(MachineFit, AModeSlowerThanTheRecordHasNoGainThatTheRecordShows) {
 
 TEST(MachineConclusion, ALoopWhoseWayBackIsItsWayThereIsNoHysteresis) {
   const auto search = bent({.law = MachineLaw::kRestoringLoop, .parameters = {0.001, 0.98}, .feedback = {-0.5, 0}});
-  const MachineVerdict verdict = conclude(search, MachineData{}, 0.1, false);
+  const MachineVerdict verdict = concluded_from(search, 0.1, false);
   EXPECT_EQ(verdict.conclusion, Conclusion::kUnexplained);
   EXPECT_EQ(verdict.winner, nullptr);
 }
@@ -730,7 +861,7 @@ TEST(MachineConclusion, WhatACloserLawWithoutItsEffectShowsIsUnknown) {
   auto search = bent({.law = MachineLaw::kRestoringLoop, .parameters = {0.001, 0.98}, .feedback = {-0.5, 0}});
   search.scores.push_back(scored({"friction"}, std::vector<double>(12, 0.25), 85));
   search.scores.push_back(scored({"backlash"}, std::vector<double>(12, 0.7), 86));
-  const MachineVerdict verdict = conclude(search, MachineData{}, 0.1, false);
+  const MachineVerdict verdict = concluded_from(search, 0.1, false);
   ASSERT_EQ(verdict.conclusion, Conclusion::kAmbiguous);
   const auto probability = [&](const char* cause) {
     return std::find_if(verdict.candidates.begin(), verdict.candidates.end(),
