@@ -395,12 +395,18 @@ struct Measured {
   std::vector<VectorXd> errors;  ///< of the baseline
 };
 
-Measured measure(const Explanation& baseline, const Explanation& extended, const Refit& before, const Refit& after) {
-  // What has an instant or a phase of its own in every recording cannot be foretold for one that was left out.
+/// Whether recordings are left out whole: what has an instant or a phase of its own in every recording cannot be
+/// foretold for one that was left out.
+bool leaves_recordings_out(const Explanation& extended) {
   const bool in_one = std::any_of(extended.laws.begin(), extended.laws.end(), [](const LawFit& law) {
     return law.law.recording || law.law.own() > 0 || law.law.law->family == "disturbance";
   });
-  Measured measured{.whole = !in_one && before.rows().size() >= kFewestRecordings};
+  return !in_one && extended.problem->recordings() >= kFewestRecordings;
+}
+
+Measured measure(const Explanation& baseline, const Explanation& extended, const Refit& before, const Refit& after,
+                 bool whole) {
+  Measured measured{.whole = whole};
   measured.folds = folds_of(before.rows(), measured.whole);
   for (const Fold& fold : measured.folds) {
     Compared compared = compare(baseline, extended, before, after, std::span(&fold, 1));
@@ -415,7 +421,7 @@ Measured measure(const Explanation& baseline, const Explanation& extended, const
 
 MeasuredGain measure_gain(const Explanation& baseline, const Explanation& extended) {
   const Refit before(baseline), after(extended);
-  const Measured measured = measure(baseline, extended, before, after);
+  const Measured measured = measure(baseline, extended, before, after, leaves_recordings_out(extended));
   MeasuredGain both{{.heldout = measured.whole ? "each recording in turn" : "each later quarter of a recording in turn",
                      .rmse_black_box = std::numeric_limits<double>::quiet_NaN()}};
   DiscrepancyGain& gain = both.gain;
@@ -440,9 +446,19 @@ MeasuredGain measure_gain(const Explanation& baseline, const Explanation& extend
   return both;
 }
 
+double held_out_rmse(const Explanation& baseline, const Explanation& fewer, const Explanation& all) {
+  const Refit before(baseline), after(fewer);
+  double squares = 0, samples = 0;
+  for (const FoldScore& score : measure(baseline, fewer, before, after, leaves_recordings_out(all)).scores) {
+    squares += score.extended;
+    samples += score.samples;
+  }
+  return samples > 0 ? std::sqrt(squares / samples) : std::numeric_limits<double>::quiet_NaN();
+}
+
 bool is_borne_out(const Explanation& baseline, const Explanation& extended) {
   const Refit before(baseline), after(extended);
-  const Measured measured = measure(baseline, extended, before, after);
+  const Measured measured = measure(baseline, extended, before, after, leaves_recordings_out(extended));
   return !measured.scores.empty() && bootstrap_interval(measured.scores).front() > 0;
 }
 

@@ -34,6 +34,9 @@ struct MeasuredGain {
 ///                 kind only or a law acts in one recording alone
 MeasuredGain measure_gain(const Explanation& baseline, const Explanation& extended);
 
+/// What an explanation with some of the causes of another leaves of the samples that are held out of that one [psi].
+double held_out_rmse(const Explanation& baseline, const Explanation& fewer, const Explanation& all);
+
 /// Whether recordings that took no part in its fit bear an explanation out: the lower end of the 95 % interval of what
 /// it gains on them is above nothing.
 bool is_borne_out(const Explanation& baseline, const Explanation& extended);

@@ -170,7 +170,7 @@ struct Look {
   Look(std::span<const Recording> recordings, MachineData searched, const MachineData& whole, const LoopSigns& loop,
        MachineBudget& budget)
       : data(std::move(searched)), search(search_machines(data, ground_of(recordings, data, loop), budget)) {
-    linear = refined_on(whole, search.linear.fit, budget);
+    linear = linear_on(whole, budget);
     noise = pooled_noise(recordings, loop, runs_of(recordings, whole, linear));
     const bool feedback = loop.input_follows_output || loop.integrating_controller;
     verdict = conclude(search, data, {.data = whole, .linear = linear}, noise / data.output_scale, feedback);
@@ -190,6 +190,22 @@ struct Look {
   }
 
  private:
+  /// The best linear machine of the chosen order for all samples: led on from where the search has it, or found anew.
+  MachineFit linear_on(const MachineData& whole, MachineBudget& budget) const {
+    MachineFit best = refined_on(whole, search.linear.fit, budget);
+    if (!data.windows) return best;
+    std::vector<LinearMachine> others{{.fit = best}};
+    if (auto anew = identified_linear(whole, search.ground.chosen_order, search.ground.dead_samples)) {
+      others.push_back(std::move(*anew));
+    }
+    for (LinearMachine& other : others) {
+      if (!solve_linear(whole, other)) continue;
+      refine_machine(whole, whole.all_rows(), kLastIterations, other.fit, budget);
+      if (!other.fit.failed && other.fit.squares < best.squares) best = std::move(other.fit);
+    }
+    return best;
+  }
+
   /// A fit to a part of the recordings, led on over all of them.
   MachineFit refined_on(const MachineData& whole, const MachineFit& fit, MachineBudget& budget) const {
     if (!data.windows) return fit;

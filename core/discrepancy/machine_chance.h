@@ -18,28 +18,25 @@ inline Eigen::VectorXd shifted(const Eigen::VectorXd& values, double part) {
 }
 
 /// A share of a residual's power against the same share of the residual moved along its records: the move keeps its
-/// spectrum and what it is regressed on, and breaks only what joins them.
-///
-/// Moves by less than a twentieth of a record do not count: what answers late answers there as well.
+/// spectrum and what it is regressed on, and breaks only what joins them. Moves by less than a twentieth of a record do
+/// not count: what answers late answers there as well.
 ///
 /// share_of  the share where the residual is moved on by a part in [0, 1) of each record
 template <typename ShareOf>
 LeftAnswer beyond_chance(const ShareOf& share_of) {
-  constexpr std::size_t kShifts = 399;
+  constexpr std::size_t kMoves = 400;
   constexpr double kNear = 0.05;
   const double share = share_of(0.0);
   if (!std::isfinite(share)) return {};
   std::vector<double> by_chance;
-  std::size_t as_much = 0;
-  for (std::size_t k = 1; k <= kShifts; ++k) {
-    const double part = static_cast<double>(k) / static_cast<double>(kShifts + 1);
-    if (part < kNear || part > 1 - kNear) continue;
-    by_chance.push_back(share_of(part));
-    as_much += by_chance.back() >= share ? 1 : 0;
+  for (std::size_t k = 1; k < kMoves; ++k) {
+    const double part = static_cast<double>(k) / static_cast<double>(kMoves);
+    if (part >= kNear && part <= 1 - kNear) by_chance.push_back(share_of(part));
   }
-  const auto middle = by_chance.begin() + static_cast<std::ptrdiff_t>(by_chance.size() / 2);
-  std::nth_element(by_chance.begin(), middle, by_chance.end());
-  return {share - *middle, static_cast<double>(1 + as_much) / static_cast<double>(1 + by_chance.size())};
+  std::sort(by_chance.begin(), by_chance.end());
+  const double usual = by_chance[by_chance.size() / 2];
+  const double spread = by_chance.back() - usual;
+  return {share - usual, spread > 0 ? (share - usual) / spread : 0};
 }
 
 }  // namespace valvetriage

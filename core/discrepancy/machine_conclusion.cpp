@@ -412,7 +412,7 @@ bool mends_the_first(const MachineSearch& search, const MachineScore& best, doub
 bool has_another_shape(const MachineData& data, const MachineFit& fit) {
   constexpr double kLeastShare = 0.1;
   const LeftAnswer left = answer_by_shape(data, fit);
-  return left.share > kLeastShare && left.p_value < kConfident;
+  return left.share > kLeastShare && left.over_chance > 1;
 }
 
 /// What a name needs beside its margins before it is given with confidence: evidence that chance gives once in a
@@ -477,16 +477,17 @@ bool answers_without_a_law(const MachineSearch& search, const MachineRuns& runs,
   constexpr double kLeastShare = 0.15;
   // Coloured noise is up to three times its floor, and loops hide in quantisation.
   constexpr double kFarAboveFloors = 5;
+  // Times what chance does. A wander that is slow against the records follows their states for a while, curves hardly.
+  constexpr double kBlocksOverChance = 1.5, kCurvesOverChance = 1.25;
   constexpr std::size_t kManyBlocks = 12, kFewBlocks = 4;
-  constexpr double kViews = 3;
   if (runs.data.records.empty() || search.ground.one_rate) return false;
   if (runs.linear.rms() < kFarAboveFloors * noise_rms) return false;
-  const auto is_answer = [&](const LeftAnswer& left) {
-    return left.share > kLeastShare && left.p_value < kConfident / kViews;
+  const auto is_answer = [&](const LeftAnswer& left, double over_chance) {
+    return left.share > kLeastShare && left.over_chance > over_chance;
   };
-  return is_answer(local_answer(runs.data, runs.linear, kManyBlocks)) ||
-         is_answer(local_answer(runs.data, runs.linear, kFewBlocks)) ||
-         is_answer(curved_answer(runs.data, runs.linear));
+  return is_answer(local_answer(runs.data, runs.linear, kManyBlocks), kBlocksOverChance) ||
+         is_answer(local_answer(runs.data, runs.linear, kFewBlocks), kBlocksOverChance) ||
+         is_answer(curved_answer(runs.data, runs.linear), kCurvesOverChance);
 }
 
 /// A law far closer than the linear machine on the mean, though not on enough blocks to be given as a cause: the linear

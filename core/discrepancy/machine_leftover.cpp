@@ -15,7 +15,8 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr std::size_t kMostRows = 40'000;
-constexpr double kDependent = 1e-9;  // a state that the others tell
+constexpr std::size_t kCurveLags = 4;  // of 2, 8, 32 and 128 samples
+constexpr double kDependent = 1e-9;    // a state that the others tell
 
 /// Of how many rows each is looked at, so that there are not too many.
 std::size_t stride_of(const MachineData& data) {
@@ -64,12 +65,41 @@ MatrixXd states_of(const MachineRecord& record, const MachineFit& linear) {
   return states;
 }
 
+VectorXd lagged(const VectorXd& x, double samples) {
+  const double keep = std::exp(-1 / samples);
+  VectorXd y(x.size());
+  double state = x.size() > 0 ? x[0] : 0;
+  for (Index t = 0; t < x.size(); ++t) y[t] = state = x[t] + keep * (state - x[t]);
+  return y;
+}
+
+/// Lags [samples] that every record has room for: a longer one is a drift.
+std::vector<double> lags_of(const MachineData& data) {
+  constexpr std::size_t kLagsInRecord = 8;
+  std::size_t shortest = SIZE_MAX;
+  for (const MachineRecord& record : data.records) shortest = std::min(shortest, record.input.size());
+  std::vector<double> lags;
+  for (double samples = 1; samples * kLagsInRecord <= static_cast<double>(shortest); samples *= 2)
+    lags.push_back(samples);
+  return lags;
+}
+
+/// What any linear machine would take up: the states of this one, and the input behind lags of every length. Poles that
+/// could be better are no answer beyond a linear machine's.
+MatrixXd linear_of(const MachineRecord& record, const MachineFit& linear, const std::vector<double>& lags) {
+  const MatrixXd states = states_of(record, linear);
+  const Eigen::Map<const VectorXd> input(record.input.data(), states.rows());
+  MatrixXd all(states.rows(), states.cols() + static_cast<Index>(lags.size()));
+  all.leftCols(states.cols()) = states;
+  for (std::size_t k = 0; k < lags.size(); ++k) all.col(states.cols() + static_cast<Index>(k)) = lagged(input, lags[k]);
+  return all;
+}
+
 Regression regression_of(const MachineData& data, std::size_t r, const MachineFit& linear, std::size_t blocks) {
   const std::size_t stride = stride_of(data);
   const MatrixXd states = every(states_of(data.records[r], linear), stride);
   Regression regression{.residual = every(residual_of(data, r, run_record(data, r, linear)), stride)};
-  // What holds over the whole record is the linear machine's own, a numerator that could be better.
-  regression.own = orthonormal_basis(states, kDependent);
+  regression.own = orthonormal_basis(every(linear_of(data.records[r], linear, lags_of(data)), stride), kDependent);
   const Index n = states.rows();
   for (std::size_t b = 0; b <= blocks; ++b) {
     regression.cuts.push_back(n * static_cast<Index>(b) / static_cast<Index>(blocks));
@@ -110,14 +140,6 @@ struct Range {
     return (2 * (x.array() - low) / (high - low) - 1).matrix();
   }
 };
-
-VectorXd lagged(const VectorXd& x, double samples) {
-  const double keep = std::exp(-1 / samples);
-  VectorXd y(x.size());
-  double state = x.size() > 0 ? x[0] : 0;
-  for (Index t = 0; t < x.size(); ++t) y[t] = state = x[t] + keep * (state - x[t]);
-  return y;
-}
 
 VectorXd played(const VectorXd& x, double width) {
   VectorXd y(x.size());
@@ -195,19 +217,17 @@ LeftAnswer local_answer(const MachineData& data, const MachineFit& linear, std::
 }
 
 LeftAnswer curved_answer(const MachineData& data, const MachineFit& linear) {
-  constexpr std::size_t kLagsInRecord = 8;  // a longer lag is a drift
   if (data.records.empty() || linear.machine.blocks.empty()) return {};
   std::vector<std::vector<double>> runs;
   Range inputs, outputs;
-  std::size_t shortest = SIZE_MAX;
   for (std::size_t r = 0; r < data.records.size(); ++r) {
     runs.push_back(run_record(data, r, linear));
     inputs.add(data.records[r].input);
     outputs.add(runs[r]);
-    shortest = std::min(shortest, runs[r].size());
   }
-  std::vector<double> lags{2, 8, 32, 128};
-  std::erase_if(lags, [&](double samples) { return samples * kLagsInRecord > static_cast<double>(shortest); });
+  const std::vector<double> linear_lags = lags_of(data);
+  std::vector<double> lags;
+  for (std::size_t k = 1; k < linear_lags.size() && lags.size() < kCurveLags; k += 2) lags.push_back(linear_lags[k]);
 
   const std::size_t stride = stride_of(data);
   std::vector<MatrixXd> residuals, curves, states;
@@ -216,9 +236,8 @@ LeftAnswer curved_answer(const MachineData& data, const MachineFit& linear) {
     residuals.push_back(every(residual_of(data, r, runs[r]), stride));
     curves.push_back(
         without_lines(every(curves_of(inputs.scaled(record.input), outputs.scaled(runs[r]), lags), stride)));
-    states.push_back(without_lines(every(states_of(record, linear), stride)));
+    states.push_back(without_lines(every(linear_of(record, linear, linear_lags), stride)));
   }
-  // What the linear machine's own states take up is its own, a numerator that could be better.
   const MatrixXd own = orthonormal_basis(stacked(states), kDependent);
   const MatrixXd basis = orthonormal_basis(without(own, stacked(curves)), kDependent);
   return beyond_chance([&](double part) {

@@ -4,10 +4,12 @@
 
 namespace valvetriage {
 
-/// How much of what a linear machine leaves answers the input in some way, and whether chance does that too.
+/// How much of what a linear machine leaves answers the input in some way, and how far that is beyond chance.
 struct LeftAnswer {
-  double share = 0;    ///< of the residual's power, beyond what the same residual at other times has
-  double p_value = 1;  ///< of that much by a residual that knows nothing of the input
+  double share = 0;  ///< of the residual's power, beyond what the same residual at other times has in the median
+  /// The same over the most that the residual has at any of 361 other times. Noise with a memory reaches 1 about as
+  /// often as its p-value of 1 in 362 says where it is short against the records, and 1.4 in 1 of 60 where it is not.
+  double over_chance = 0;
 };
 
 /// Regresses the residual on the linear machine's states and input in short blocks. A gain or time constant that moves

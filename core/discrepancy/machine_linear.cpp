@@ -51,6 +51,21 @@ LinearMachine linear_machine(int order, std::span<const std::complex<double>> po
   return linear_machine(std::move(sections), dead_samples, gain, data);
 }
 
+std::optional<LinearMachine> identified_linear(const MachineData& data, int order, int dead_samples) {
+  constexpr int kIterations = 15;
+  std::vector<Recording> recordings;
+  std::vector<const Recording*> pointers;
+  for (const MachineRecord& record : data.records) recordings.push_back(as_recording(record, data.period_s));
+  for (const Recording& recording : recordings) pointers.push_back(&recording);
+  OutputErrorOptions options;
+  options.offsets = OffsetSharing::kShared;
+  options.max_iterations = kIterations;
+  options.max_search_rows = kLinearRows;
+  const auto fit = fit_output_error(pointers, {order, order, dead_samples}, options);
+  if (!fit) return std::nullopt;
+  return linear_machine(order, fit->transfer_function.poles, dead_samples, fit->static_gain, data);
+}
+
 bool solve_linear(const MachineData& data, LinearMachine& machine) {
   MachineBlock& block = machine.fit.machine.blocks[0];
   const auto terms = static_cast<Eigen::Index>(block.numerator.size());

@@ -18,6 +18,9 @@ LinearMachine linear_machine(std::vector<Section> sections, int dead_samples, do
 LinearMachine linear_machine(int order, std::span<const std::complex<double>> poles, int dead_samples, double gain,
                              const MachineData& data);
 
+/// The linear machine of an order by output error on all records; empty where the identifier finds none.
+std::optional<LinearMachine> identified_linear(const MachineData& data, int order, int dead_samples);
+
 /// Numerator, offset and starts of a linear machine by least squares, given its poles: for those they are linear. An
 /// iteration that had to find them beside an integrating pole would be lost in a long flat valley. The fit's squares
 /// are those of the rows solved from. False where there is no finite solution.

@@ -356,15 +356,10 @@ MachineScore search_linear(const MachineData& data, MachineGround& ground, Machi
   if (!choice) {
     ground.linear.push_back(linear_machine(0, {}, 0, 1, data));
   }
-  OutputErrorOptions fit_options;
-  fit_options.offsets = OffsetSharing::kShared;
-  fit_options.max_iterations = 15;
-  fit_options.max_search_rows = kLinearRows;
   for (int order = 1; choice && order <= kLargestOrder; ++order) {
-    const auto fit = fit_output_error(pointers, {order, order, ground.dead_samples}, fit_options);
-    if (!fit) break;
-    ground.linear.push_back(
-        linear_machine(order, fit->transfer_function.poles, ground.dead_samples, fit->static_gain, data));
+    auto machine = identified_linear(data, order, ground.dead_samples);
+    if (!machine) break;
+    ground.linear.push_back(std::move(*machine));
   }
   if (ground.linear.empty()) ground.linear.push_back(linear_machine(0, {}, 0, 1, data));
   MachineScore best;

@@ -524,7 +524,7 @@ void measure_each(const SearchedValve& searched, std::span<const Explanation> ot
     NamedCause& cause = discrepancy.causes[l];
     cause.rmse_after = discrepancy.gain.rmse_extended;
     cause.rmse_before = discrepancy.gain.rmse_baseline;
-    if (!others.empty()) cause.rmse_before = measure_gain(searched.baseline, others[l]).gain.rmse_extended;
+    if (!others.empty()) cause.rmse_before = held_out_rmse(searched.baseline, others[l], searched.explanation);
   }
 }
 

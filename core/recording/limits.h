@@ -32,6 +32,9 @@ inline constexpr std::size_t kMaxColumnNameBytes = 256;
 /// Fewest samples: below, neither a noise level nor a first-order response can be told from a handful of points.
 inline constexpr std::size_t kMinSamples = 32;
 
+/// Magnitude of a value, in the file's own unit as in ours: the fourth power of what two of them differ by is a number.
+inline constexpr double kMostMagnitude = 1e75;
+
 /// Expanded bytes of one recording: kMaxRows rows of three columns with 8 characters each.
 inline constexpr std::size_t kMaxExpandedBytes = 256u << 20;
 

@@ -31,10 +31,12 @@ Result<void> check_channel(const Channel& channel, std::size_t samples) {
     return channel_error("ragged_columns", channel, fmt::format("{} values", channel.values.size()),
                          fmt::format("{}, as many as the input has", samples));
   }
-  const auto bad = std::ranges::find_if_not(channel.values, [](double value) { return std::isfinite(value); });
+  const auto is_in_range = [](double value) { return std::abs(value) <= kMostMagnitude; };
+  const auto bad = std::ranges::find_if_not(channel.values, is_in_range);
   if (bad == channel.values.end()) return {};
-  return channel_error("not_finite", channel, fmt::format("{} at sample {}", *bad, bad - channel.values.begin() + 1),
-                       "finite numbers");
+  const std::string found = fmt::format("{} at sample {}", *bad, bad - channel.values.begin() + 1);
+  if (!std::isfinite(*bad)) return channel_error("not_finite", channel, found, "finite numbers");
+  return channel_error("out_of_range", channel, found, fmt::format("at most {:g}", kMostMagnitude));
 }
 
 Result<void> check_samples(const RawRecording& raw, bool output_optional) {

@@ -9,6 +9,7 @@
 #include <random>
 #include <span>
 
+#include "core/discrepancy/heldout.h"
 #include "core/discrepancy/instants.h"
 #include "core/discrepancy/joint_fits.h"
 #include "core/discrepancy/own_parameters.h"
@@ -795,6 +796,24 @@ TEST(ValveDiagnosis, ANameBesideWhichMostIsLeftIsNone) {
   const auto offset = with_cause(healthy, population.model(valve), {.cause = "sensor_offset", .parameters = {3}});
   EXPECT_EQ(diagnosed(with_spikes(offset, 10), population).discrepancy.conclusion, Conclusion::kNamed);
   EXPECT_EQ(diagnosed(with_spikes(offset, 90), population).discrepancy.conclusion, Conclusion::kUnexplained);
+}
+
+TEST(HeldOut, APartOfAnExplanationIsJudgedByWhatIsHeldOutOfTheWhole) {
+  const test::MadeValve valve;
+  const auto healthy = test::session(valve, kNoise_psi, 5);
+  const Population population(healthy, valve);
+  const auto humming =
+      with_cause(healthy, population.model(valve), {.cause = "periodic_disturbance", .parameters = {7, 0.5, 1}});
+  const Explanation nothing = explain_nothing(humming, population.options, *fit_valve(humming, population.options));
+  const Survey survey = survey_laws(LinearisedValve(*nothing.problem, nothing.v), *nothing.options);
+  const auto tone = std::find_if(survey.tested.begin(), survey.tested.end(),
+                                 [](const Tested& tested) { return tested.cause() == "periodic_disturbance"; });
+  ASSERT_NE(tone, survey.tested.end());
+  const Explanation all = extend(nothing, tone->fit, 5, {});
+  // A tone has a phase of its own in each recording: parts of recordings are held out of it, not recordings.
+  const double of_parts = measure_gain(nothing, all).gain.rmse_baseline;
+  EXPECT_EQ(held_out_rmse(nothing, nothing, all), of_parts);
+  EXPECT_NE(measure_gain(nothing, nothing).gain.rmse_baseline, of_parts);
 }
 
 TEST(ValveDiagnosis, WhatGoodValvesLeaveAsWellHidesNoSecondCause) {

@@ -168,6 +168,14 @@ TEST(Prepare, RefusesWhatCannotBeAnalysed) {
   nan.output.values[3] = std::numeric_limits<double>::quiet_NaN();
   EXPECT_EQ(tried(nan).error().code, "not_finite");
 
+  RawRecording huge = recorded(step_command(), 1);
+  const double most = *std::ranges::max_element(huge.output.values);
+  for (double& value : huge.output.values) value *= kMostMagnitude / most;
+  EXPECT_TRUE(tried(huge));
+  *std::ranges::max_element(huge.output.values) *= 1.001;
+  EXPECT_EQ(tried(huge).error().code, "out_of_range");
+  EXPECT_EQ(tried(huge).error().file, "valve.csv");
+
   RawRecording short_column = recorded(step_command(), 1);
   short_column.output.values.pop_back();
   EXPECT_EQ(tried(short_column).error().code, "ragged_columns");
