@@ -193,7 +193,8 @@ struct Look {
   /// The best linear machine of the chosen order for all samples: led on from where the search has it, or found anew.
   MachineFit linear_on(const MachineData& whole, MachineBudget& budget) const {
     MachineFit best = refined_on(whole, search.linear.fit, budget);
-    if (!data.windows) return best;
+    // What has no dynamics has nothing to be found anew.
+    if (!data.windows || best.machine.blocks.empty() || best.machine.blocks.front().sections.empty()) return best;
     std::vector<LinearMachine> others{{.fit = best}};
     if (auto anew = identified_linear(whole, search.ground.chosen_order, search.ground.dead_samples)) {
       others.push_back(std::move(*anew));

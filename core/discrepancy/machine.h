@@ -12,7 +12,7 @@
 namespace valvetriage {
 
 struct MachineOptions {
-  std::size_t most_samples = 5000;  ///< that the search looks at; the winner is refitted on all
+  std::size_t most_samples = 5000;  ///< that a search looks at; the winner is refitted on all
   double block_samples = 4e9;       ///< simulations times samples times blocks, over the whole search
   bool trace = false;               ///< the table of all explanations in `trace`
   StageReport report{};             ///< told each stage as it begins; nobody where empty
@@ -32,11 +32,13 @@ struct MachineDiagnosis {
 /// input and output, a law between two linear blocks, a hardening spring, a loop or Coulomb friction inside the motion
 /// and a chain of tanks; every law with its own order. A name needs 1.3 times the linear machine's held-out accuracy
 /// and 1.2 times that of the next family, won on most held-out blocks; pairs must remove 30 % of what a single leaves
-/// above the noise floor. What no law explains and a black box does is `unexplained`.
+/// above the noise floor. What no law explains and a black box does, or what the linear machine leaves of all samples
+/// and answers the input in whatever way, is `unexplained`; where that lies beside what was searched, it is searched
+/// once more.
 ///
 /// recordings  of one machine and one sample time, prepared
 /// Errors      no recordings, `sample_time_differs`, `constant_output`
-/// Cost        bounded by `block_samples`; a pure function
+/// Cost        bounded by twice `block_samples`; a pure function
 Result<MachineDiagnosis> diagnose_machine(std::span<const Recording> recordings, const MachineOptions& options);
 
 }  // namespace valvetriage

@@ -422,6 +422,23 @@ TEST(Machine, ALagUnderATriangleOfOneRateHasNothingWrong) {
   EXPECT_LT(d.gain.rmse_baseline, 1.1 * kNoise);
 }
 
+TEST(Machine, ALongTriangleOfOneRateThatNeedsNoDynamicsIsAnsweredFromEndToEnd) {
+  constexpr std::size_t kHalf = 1500;
+  Signal u(6 * kHalf);
+  for (std::size_t t = 0; t < u.size(); ++t) {
+    const double share = static_cast<double>(t % kHalf) / kHalf;
+    u[t] = t / kHalf % 2 == 0 ? 2 * share - 1 : 1 - 2 * share;
+  }
+  Recording swept = recording(u, each(u, [](double x) { return 3 * x + 1; }), kPeriod_s, kNoise, 151);
+  for (std::size_t begin = 0; begin < u.size(); begin += kHalf) {
+    swept.segments.push_back({.kind = SegmentKind::kRamp,
+                              .begin = begin,
+                              .end = begin + kHalf,
+                              .rate_per_s = (begin / kHalf % 2 == 0 ? 2.0 : -2.0) / kHalf / kPeriod_s});
+  }
+  expect_nothing(diagnosis_of_parts({swept}, 2000).discrepancy);
+}
+
 TEST(Machine, AGainThatSwingsIsStructureAndAReadingThatWandersIsNot) {
   const auto u = random_command(2500, 30, 85);
   Signal swings = u, wander(u.size());
