@@ -9,6 +9,7 @@
 #include <string>
 
 #include "tests/hidden_effects/distances.h"
+#include "tests/hidden_effects/learning_oracle.h"
 #include "tests/hidden_effects/oracle.h"
 
 namespace valvetriage::hidden_effects {
@@ -50,9 +51,9 @@ void answer(const std::string& line, std::map<std::string, std::unique_ptr<Dista
   std::fflush(stdout);
 }
 
-void print_oracle() {
+void print_oracle(const std::vector<SearchOf>& searched) {
   std::printf("cause,threshold_1_percent,d90_1_percent,threshold_0.1_percent,d90_0.1_percent\n");
-  for (const SearchOf& one : oracle(stand::full_session()))
+  for (const SearchOf& one : searched)
     std::printf("%s,%.3f,%.3f,%.3f,%.3f\n", one.cause.c_str(), one.threshold[0], one.d90[0], one.threshold[1],
                 one.d90[1]);
 }
@@ -62,11 +63,15 @@ void print_oracle() {
 
 /// Reads a case per line from standard input and answers `d d_name oracle_set rival`. KIND is the class that the case
 /// is to belong to (a case that does not is left early), `detect` for d alone, or `any`.
-/// With the argument `oracle`: what seeing each cause costs an observer who knows every law, as CSV.
+/// With the argument `oracle`: what seeing each cause costs an observer who knows every law and the population, as CSV;
+/// with `oracle N` one who learns the population from N good valves.
 int main(int argc, char** argv) {
   try {
     if (argc > 1 && std::string(argv[1]) == "oracle") {
-      valvetriage::hidden_effects::print_oracle();
+      const std::vector<std::string> tests = valvetriage::stand::full_session();
+      valvetriage::hidden_effects::print_oracle(
+          argc > 2 ? valvetriage::hidden_effects::learning_oracle(tests, std::stoi(argv[2]))
+                   : valvetriage::hidden_effects::oracle(tests));
       return 0;
     }
     std::map<std::string, std::unique_ptr<valvetriage::hidden_effects::DistanceMeter>> meters;

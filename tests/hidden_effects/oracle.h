@@ -1,20 +1,11 @@
 #pragma once
 
-#include <array>
 #include <string>
 #include <vector>
 
+#include "tests/hidden_effects/alarms.h"
+
 namespace valvetriage::hidden_effects {
-
-/// False alarms of the whole search, over all causes together.
-constexpr std::array<double, 2> kAlarms = {0.01, 0.001};
-
-/// What seeing one cause costs an observer who knows every law.
-struct SearchOf {
-  std::string cause;
-  std::array<double, kAlarms.size()> threshold;  ///< of the greatest whitened correlation, standard deviations
-  std::array<double, kAlarms.size()> d90;        ///< the distance d that is seen nine times in ten
-};
 
 /// The oracle: an observer who knows the noise, the population of good valves and the law of every cause, and pays for
 /// the search. It holds the whitened data r (distances.h) against every signature of a cause's law,
