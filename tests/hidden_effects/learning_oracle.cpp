@@ -321,8 +321,8 @@ std::vector<SearchOf> learning_oracle(const std::vector<std::string>& tests, int
                         : by_drawing(one.cause, Search(std::move(of_cause), good_valves, one.either_sign)));
   }
   for (const Tones& tones : searched_tones(bench))
-    found.push_back(
-        without_population(known_of(tones.cause), products(quantities_of, whitened_all(columns_of(tones, bench)), true)));
+    found.push_back(without_population(known_of(tones.cause),
+                                       products(quantities_of, whitened_all(columns_of(tones, bench)), true)));
   return found;
 }
 

@@ -22,8 +22,9 @@ namespace valvetriage::hidden_effects {
 /// with the threshold that drawn good valves exceed, each beside a drawn reference (its tail continued as alarms.h has
 /// it). d is that of distances.h: what is as far off in units of noise and population together; of faults d off those
 /// are drawn that are about as far off by their own size. It is a bound of a kind: it knows the quantities of its good
-/// valves without error, and one reference of eight may tell it more or less than the mean of all that are drawn. Contacts and tones, of which the population makes little, are
-/// those of an observer who knows nothing of θ at all, and sees them no better.
+/// valves without error, and one reference of eight may tell it more or less than the mean of all that are drawn.
+/// Contacts and tones, of which the population makes little, are those of an observer who knows nothing of θ at all,
+/// and sees them no better.
 std::vector<SearchOf> learning_oracle(const std::vector<std::string>& tests, int good_valves);
 
 }  // namespace valvetriage::hidden_effects
