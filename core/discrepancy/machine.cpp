@@ -138,6 +138,17 @@ MachineFit on_whole_records(const MachineData& searched, const MachineData& whol
   return fit;
 }
 
+/// The same, led on over every sample. Windows tell the law; what is refitted from end to end must be closer there, or
+/// the search's own fit stands.
+MachineFit refined_on(const MachineData& searched, const MachineData& whole, const MachineFit& fit,
+                      MachineBudget& budget) {
+  MachineFit led = on_whole_records(searched, whole, fit, budget);
+  if (!searched.windows) return led;
+  MachineFit refined = led;
+  refine_machine(whole, whole.all_rows(), kLastIterations, refined, budget);
+  return !refined.failed && refined.squares < led.squares ? refined : led;
+}
+
 /// Free run of one record on its recording's grid, in its own unit.
 std::vector<double> on_grid(const MachineData& data, const MachineFit& fit, std::size_t record, std::size_t samples) {
   const auto y = run_record(data, record, fit);
@@ -172,8 +183,7 @@ struct Look {
       : data(std::move(searched)), search(search_machines(data, ground_of(recordings, data, loop), budget)) {
     linear = linear_on(whole, budget);
     noise = pooled_noise(recordings, loop, runs_of(recordings, whole, linear));
-    const bool feedback = loop.input_follows_output || loop.integrating_controller;
-    verdict = conclude(search, data, {.data = whole, .linear = linear}, noise / data.output_scale, feedback);
+    verdict = conclude(search, data, {.data = whole, .linear = linear}, noise / data.output_scale, loop.is_regulated());
   }
 
   /// What to search once more, where nothing was found that accounts for what the linear machine leaves, and it leaves
@@ -186,13 +196,13 @@ struct Look {
   /// Whether what was found is closer to the recordings from end to end, too.
   bool is_borne_out(const MachineData& whole, MachineBudget& budget) const {
     constexpr double kCloser = 1.3;
-    return verdict.winner && kCloser * refined_on(whole, verdict.winner->fit, budget).rms() < linear.rms();
+    return verdict.winner && kCloser * refined_on(data, whole, verdict.winner->fit, budget).rms() < linear.rms();
   }
 
  private:
   /// The best linear machine of the chosen order for all samples: led on from where the search has it, or found anew.
   MachineFit linear_on(const MachineData& whole, MachineBudget& budget) const {
-    MachineFit best = refined_on(whole, search.linear.fit, budget);
+    MachineFit best = refined_on(data, whole, search.linear.fit, budget);
     // What has no dynamics has nothing to be found anew.
     if (!data.windows || best.machine.blocks.empty() || best.machine.blocks.front().sections.empty()) return best;
     std::vector<LinearMachine> others{{.fit = best}};
@@ -206,14 +216,6 @@ struct Look {
     }
     return best;
   }
-
-  /// A fit to a part of the recordings, led on over all of them.
-  MachineFit refined_on(const MachineData& whole, const MachineFit& fit, MachineBudget& budget) const {
-    if (!data.windows) return fit;
-    MachineFit led = on_whole_records(data, whole, fit, budget);
-    refine_machine(whole, whole.all_rows(), kLastIterations, led, budget);
-    return led;
-  }
 };
 
 /// The winner refitted on everything there is.
@@ -225,13 +227,7 @@ struct Extension {
 
 Extension extend(const MachineData& searched, const MachineData& whole, const MachineScore& winner,
                  MachineBudget& budget) {
-  Extension extension{.data = whole, .fit = on_whole_records(searched, whole, winner.fit, budget)};
-  if (searched.windows) {
-    MachineFit refined = extension.fit;
-    refine_machine(whole, whole.all_rows(), kLastIterations, refined, budget);
-    // Windows tell the law; what is refitted from end to end must be closer there, or the search's own fit stands.
-    if (!refined.failed && refined.squares < extension.fit.squares) extension.fit = std::move(refined);
-  }
+  Extension extension{.data = whole, .fit = refined_on(searched, whole, winner.fit, budget)};
   extension.covariance = parameter_covariance(whole, whole.all_rows(), extension.fit);
   return extension;
 }
@@ -468,7 +464,7 @@ Result<MachineDiagnosis> diagnose_machine(std::span<const Recording> recordings,
     spread = std::max(spread, *high - *low);
   }
   const LoopSigns loop = loop_signs(recordings);
-  const bool feedback = loop.input_follows_output || loop.integrating_controller;
+  const bool feedback = loop.is_regulated();
   const double allowed = std::max(0.01 * kDecimationShare * spread, pooled_noise(recordings, loop));
   MachineData first = machine_data(recordings, allowed, options.most_samples);
   const MachineData whole = first.windows ? whole_records(recordings, first) : first;

@@ -165,6 +165,22 @@ void take_records(std::span<const Recording> recordings, std::size_t most_sample
   }
 }
 
+/// The same recordings at other stretches, without folds.
+MachineData cut_again(std::span<const Recording> given, const MachineData& searched,
+                      std::span<const MachineStretch> stretches) {
+  MachineData data = searched;
+  const std::vector<Recording> changed = data.interval_means ? with_interval_means(given) : std::vector<Recording>();
+  const std::span<const Recording> recordings = data.interval_means ? std::span<const Recording>(changed) : given;
+  data.records.clear();
+  data.folds.clear();
+  for (const MachineStretch& stretch : stretches) {
+    const Recording& from = recordings[stretch.recording];
+    data.records.push_back(cut(from, stretch.recording, stretch.begin * data.stride,
+                               std::min(stretch.end * data.stride, from.samples()), data));
+  }
+  return data;
+}
+
 std::vector<MachineFold::Group> groups_of(std::size_t record, std::span<const std::size_t> rows, std::size_t groups) {
   std::vector<MachineFold::Group> cut;
   for (std::size_t g = 0; g < groups; ++g) {
@@ -269,32 +285,20 @@ MachineData machine_data(std::span<const Recording> given, double allowed_rms, s
   return data;
 }
 
-MachineData at_stretches(std::span<const Recording> given, const MachineData& searched,
+MachineData at_stretches(std::span<const Recording> recordings, const MachineData& searched,
                          std::span<const MachineStretch> stretches) {
-  MachineData data = searched;
-  const std::vector<Recording> changed = data.interval_means ? with_interval_means(given) : std::vector<Recording>();
-  const std::span<const Recording> recordings = data.interval_means ? std::span<const Recording>(changed) : given;
-  data.records.clear();
-  data.folds.clear();
-  for (const MachineStretch& stretch : stretches) {
-    const Recording& from = recordings[stretch.recording];
-    data.records.push_back(cut(from, stretch.recording, stretch.begin * data.stride,
-                               std::min(stretch.end * data.stride, from.samples()), data));
-  }
+  MachineData data = cut_again(recordings, searched, stretches);
   fold(data, recordings.size());
   return data;
 }
 
-MachineData whole_records(std::span<const Recording> given, const MachineData& searched) {
-  MachineData data = searched;
-  const std::vector<Recording> changed = data.interval_means ? with_interval_means(given) : std::vector<Recording>();
-  const std::span<const Recording> recordings = data.interval_means ? std::span<const Recording>(changed) : given;
-  data.windows = false;
-  data.records.clear();
-  data.folds.clear();
+MachineData whole_records(std::span<const Recording> recordings, const MachineData& searched) {
+  std::vector<MachineStretch> whole;
   for (std::size_t r = 0; r < recordings.size(); ++r) {
-    data.records.push_back(cut(recordings[r], r, 0, recordings[r].samples(), data));
+    whole.push_back({r, 0, (recordings[r].samples() + searched.stride - 1) / searched.stride});
   }
+  MachineData data = cut_again(recordings, searched, whole);
+  data.windows = false;
   return data;
 }
 

@@ -16,6 +16,9 @@ struct LoopSigns {
   /// worse. The inverse of a machine has Σ c_k = 0. Within one sample the output then cannot follow the input: a fit
   /// that may use the same sample finds the controller, run backwards.
   bool integrating_controller = false;
+
+  /// Whether a controller sets the input: the recording shows the loop, not the machine alone.
+  bool is_regulated() const { return input_follows_output || integrating_controller; }
 };
 
 /// Cost O(n) per recording

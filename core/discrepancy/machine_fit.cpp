@@ -27,10 +27,6 @@ std::size_t longest(const MachineData& data) {
   return most;
 }
 
-MachineSurroundings around(const MachineRecord& record) {
-  return {.start_s = record.start_s, .side = record.side};
-}
-
 /// The signals that enter each block, and the last one's output.
 using Chain = std::vector<std::vector<double>>;
 
@@ -406,11 +402,7 @@ MatrixXd parameter_covariance(const MachineData& data, const MachineRows& rows, 
   MachineBudget budget{.block_samples = 1e12};
   Refiner refiner(data, rows, copy, budget, true);
   const Normal normal = refiner.normal_equations();
-  std::vector<double> residual;
-  for (std::size_t r = 0; r < data.records.size(); ++r) {
-    const auto y = run_record(data, r, fit);
-    for (const std::size_t t : rows[r]) residual.push_back(data.records[r].output[t] - y[t]);
-  }
+  const std::vector<double> residual = residuals_at(data, rows, fit);
   double squares = 0;
   for (const double e : residual) squares += e * e;
   const double variance =
@@ -426,6 +418,15 @@ MatrixXd parameter_covariance(const MachineData& data, const MachineRows& rows, 
     unit[i] = scale[i] * (p.logarithmic ? value_of(fit.machine, p) : 1);
   }
   return variance * unit.asDiagonal() * inverse.topLeftCorner(unit.size(), unit.size()) * unit.asDiagonal();
+}
+
+std::vector<double> residuals_at(const MachineData& data, const MachineRows& rows, const MachineFit& fit) {
+  std::vector<double> residuals;
+  for (std::size_t r = 0; r < data.records.size(); ++r) {
+    const auto y = run_record(data, r, fit);
+    for (const std::size_t t : rows[r]) residuals.push_back(data.records[r].output[t] - y[t]);
+  }
+  return residuals;
 }
 
 std::vector<double> run_record(const MachineData& data, std::size_t record, const MachineFit& fit) {

@@ -80,6 +80,14 @@ double gain_seen(const MachineData& data, const std::vector<Section>& sections, 
 /// of a logarithmic one, that of its value.
 Eigen::MatrixXd parameter_covariance(const MachineData& data, const MachineRows& rows, const MachineFit& fit);
 
+/// What a run of a record sees beside its input.
+inline MachineSurroundings around(const MachineRecord& record) {
+  return {.start_s = record.start_s, .side = record.side};
+}
+
+/// Measured less simulated at the rows, record by record.
+std::vector<double> residuals_at(const MachineData& data, const MachineRows& rows, const MachineFit& fit);
+
 /// Free run of one record.
 std::vector<double> run_record(const MachineData& data, std::size_t record, const MachineFit& fit);
 

@@ -95,11 +95,13 @@ MatrixXd linear_of(const MachineRecord& record, const MachineFit& linear, const 
   return all;
 }
 
-Regression regression_of(const MachineData& data, std::size_t r, const MachineFit& linear, std::size_t blocks) {
+Regression regression_of(const MachineData& data, std::size_t r, const MachineFit& linear,
+                         const std::vector<double>& lags, std::size_t blocks) {
   const std::size_t stride = stride_of(data);
-  const MatrixXd states = every(states_of(data.records[r], linear), stride);
+  const MatrixXd linear_rows = every(linear_of(data.records[r], linear, lags), stride);
+  const auto states = linear_rows.leftCols(linear_rows.cols() - static_cast<Index>(lags.size()));
   Regression regression{.residual = every(residual_of(data, r, run_record(data, r, linear)), stride)};
-  regression.own = orthonormal_basis(every(linear_of(data.records[r], linear, lags_of(data)), stride), kDependent);
+  regression.own = orthonormal_basis(linear_rows, kDependent);
   const Index n = states.rows();
   for (std::size_t b = 0; b <= blocks; ++b) {
     regression.cuts.push_back(n * static_cast<Index>(b) / static_cast<Index>(blocks));
@@ -195,13 +197,12 @@ MatrixXd stacked(const std::vector<MatrixXd>& parts) {
   return all;
 }
 
-/// Without the straight line of each column: a record that is moved along would jump by it.
-MatrixXd without_lines(MatrixXd columns) {
-  const Index n = columns.rows();
-  MatrixXd line(n, 2);
+/// Orthonormal: the straight lines over so many rows. A record that is moved along would jump by one.
+MatrixXd lines_over(Index rows) {
+  MatrixXd line(rows, 2);
   line.col(0).setOnes();
-  line.col(1) = VectorXd::LinSpaced(n, -1, 1);
-  return without(orthonormal_basis(line, kDependent), std::move(columns));
+  line.col(1) = VectorXd::LinSpaced(rows, -1, 1);
+  return orthonormal_basis(line, kDependent);
 }
 
 }  // namespace
@@ -209,9 +210,10 @@ MatrixXd without_lines(MatrixXd columns) {
 LeftAnswer local_answer(const MachineData& data, const MachineFit& linear, std::size_t over_all) {
   if (data.records.empty() || linear.machine.blocks.empty()) return {};
   const std::size_t blocks = std::max<std::size_t>(2, over_all / data.records.size());
+  const std::vector<double> lags = lags_of(data);
   std::vector<Regression> regressions;
   for (std::size_t r = 0; r < data.records.size(); ++r) {
-    regressions.push_back(regression_of(data, r, linear, blocks));
+    regressions.push_back(regression_of(data, r, linear, lags, blocks));
   }
   return beyond_chance([&](double part) { return share_of_blocks(regressions, part); });
 }
@@ -230,19 +232,22 @@ LeftAnswer curved_answer(const MachineData& data, const MachineFit& linear) {
   for (std::size_t k = 1; k < linear_lags.size() && lags.size() < kCurveLags; k += 2) lags.push_back(linear_lags[k]);
 
   const std::size_t stride = stride_of(data);
-  std::vector<MatrixXd> residuals, curves, states;
+  std::vector<MatrixXd> residuals, lines, curves, states;
   for (std::size_t r = 0; r < data.records.size(); ++r) {
     const MachineRecord& record = data.records[r];
     residuals.push_back(every(residual_of(data, r, runs[r]), stride));
-    curves.push_back(
-        without_lines(every(curves_of(inputs.scaled(record.input), outputs.scaled(runs[r]), lags), stride)));
-    states.push_back(without_lines(every(linear_of(record, linear, linear_lags), stride)));
+    lines.push_back(lines_over(residuals[r].rows()));
+    const MatrixXd of_record = curves_of(inputs.scaled(record.input), outputs.scaled(runs[r]), lags);
+    curves.push_back(without(lines[r], every(of_record, stride)));
+    states.push_back(without(lines[r], every(linear_of(record, linear, linear_lags), stride)));
   }
   const MatrixXd own = orthonormal_basis(stacked(states), kDependent);
   const MatrixXd basis = orthonormal_basis(without(own, stacked(curves)), kDependent);
   return beyond_chance([&](double part) {
     std::vector<MatrixXd> records;
-    for (const MatrixXd& residual : residuals) records.push_back(without_lines(shifted(residual, part)));
+    for (std::size_t r = 0; r < residuals.size(); ++r) {
+      records.push_back(without(lines[r], shifted(residuals[r], part)));
+    }
     const VectorXd moved = without(own, stacked(records));
     const double power = moved.squaredNorm();
     return power > 0 ? (basis.transpose() * moved).squaredNorm() / power : 0;

@@ -106,8 +106,7 @@ bool reaches_rim(const MachineData& data, const MachineFit& fit, std::size_t tan
     Machine chain = fit.machine;
     chain.blocks.resize(tanks + 1);
     const MachineRecord& record = data.records[r];
-    const auto level =
-        run_machine(chain, {.start_s = record.start_s, .side = record.side}, fit.starts[r], record.input);
+    const auto level = run_machine(chain, around(record), fit.starts[r], record.input);
     for (const std::size_t t : record.valid) full += level[t] >= rim - 1e-9 * std::abs(rim) ? 1 : 0;
   }
   return full >= 3;

@@ -16,10 +16,6 @@ using Eigen::VectorXd;
 
 constexpr double kLeastShare = 0.005;  // of the samples: what is seen at fewer is chance
 
-MachineSurroundings around(const MachineRecord& record) {
-  return {.start_s = record.start_s, .side = record.side};
-}
-
 /// The signal that enters a block, at the valid samples of all records.
 std::vector<double> entering(const MachineData& data, const MachineFit& fit, std::size_t block) {
   std::vector<double> values;
@@ -31,16 +27,6 @@ std::vector<double> entering(const MachineData& data, const MachineFit& fit, std
     for (const std::size_t t : record.valid) values.push_back(signal[t]);
   }
   return values;
-}
-
-/// What a fit leaves at the valid samples of all records.
-VectorXd residual_of(const MachineData& data, const MachineFit& fit) {
-  std::vector<double> left;
-  for (std::size_t r = 0; r < data.records.size(); ++r) {
-    const auto run = run_record(data, r, fit);
-    for (const std::size_t t : data.records[r].valid) left.push_back(data.records[r].output[t] - run[t]);
-  }
-  return Eigen::Map<const VectorXd>(left.data(), static_cast<Index>(left.size()));
 }
 
 bool is_shape(MachineLaw law) {
@@ -96,8 +82,6 @@ std::vector<double> moved_by_hat(const MachineData& data, const MachineFit& fit,
 
 }  // namespace
 
-/// Whether a limit is passed by the signal that enters it, often enough to be seen: a limit out of reach is a curve at
-/// most, and the name of a level that nothing ever came to would be a guess.
 bool is_reached(const MachineData& data, const MachineFit& fit, std::size_t limit) {
   const MachineBlock& block = fit.machine.blocks[limit];
   const double level = block.parameters[0];
@@ -150,7 +134,8 @@ double share_driven(const MachineData& data, const MachineFit& fit) {
 LeftAnswer answer_by_shape(const MachineData& data, const MachineFit& fit) {
   constexpr std::size_t kNodes = 9;
   constexpr double kDependent = 1e-6;
-  const VectorXd residual = residual_of(data, fit);
+  const std::vector<double> left = residuals_at(data, data.all_rows(), fit);
+  const Eigen::Map<const VectorXd> residual(left.data(), static_cast<Index>(left.size()));
   const double power = residual.squaredNorm();
   LeftAnswer most;
   for (std::size_t b = 0; b < fit.machine.blocks.size() && power > 0; ++b) {
