@@ -11,8 +11,8 @@
 #include <string_view>
 
 #include "core/analysis/part_to_fit.h"
-#include "core/analysis/population_covariance.h"
 #include "core/analysis/usual_mechanisms.h"
+#include "core/analysis/valve_covariance.h"
 #include "core/discrepancy/valve_diagnosis.h"
 #include "core/identify/valve_fit.h"
 #include "core/mechanisms/simulate_extended.h"
@@ -28,7 +28,6 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr Index kParameters = static_cast<Index>(kValveParameters.size());
-enum Parameter : Index { kFrequency, kDamping, kDelay };
 constexpr double kOutlierSignificance = 1e-3;
 // Default Eq 20 window: what every step of the population covers, but no more than a slow valve needs to settle.
 constexpr double kLongestWindow_s = 2.0;
@@ -155,15 +154,7 @@ void point_out_outliers(std::vector<Member>& members) {
   }
 }
 
-/// What a spool and its delay have in common at low frequencies: delay + 2 ζ / ωn.
-double whole_delay_s(const VectorXd& vector) {
-  return vector(kDelay) + 2 * std::exp(vector(kDamping) - vector(kFrequency));
-}
-
-/// Recordings may tell the whole delay of a valve far better than how it is shared between its parts. A population in
-/// which the parts vary independently lets the whole vary by as much as what one fit cannot tell, one in which the
-/// whole does ties parts together that have nothing to do with each other: whichever predicts each valve better from
-/// the others is taken. The change of coordinates keeps volumes, so their likelihoods compare.
+/// The population's covariance, estimates' errors taken off.
 MatrixXd covariance_of(const std::vector<const Member*>& members, const ValveFitOptions& options) {
   MatrixXd vectors(members.front()->vector.size(), static_cast<Index>(members.size()));
   MatrixXd errors = MatrixXd::Zero(vectors.rows(), vectors.rows());
@@ -171,25 +162,7 @@ MatrixXd covariance_of(const std::vector<const Member*>& members, const ValveFit
     vectors.col(static_cast<Index>(i)) = members[i]->vector;
     errors += members[i]->fit.covariance / static_cast<double>(members.size());
   }
-  const double scale = options.usual.current_scale;
-  PopulationCovariance by_parts = population_covariance(vectors, errors, kParameters, options.knots, scale);
-
-  double of_spool_s = 0;
-  for (Index i = 0; i < vectors.cols(); ++i) {
-    const double whole_s = whole_delay_s(vectors.col(i));
-    of_spool_s += (whole_s - vectors(kDelay, i)) / static_cast<double>(vectors.cols());
-    vectors(kDelay, i) = whole_s;
-  }
-  MatrixXd to_whole = MatrixXd::Identity(vectors.rows(), vectors.rows());
-  to_whole(kDelay, kDamping) = of_spool_s;
-  to_whole(kDelay, kFrequency) = -of_spool_s;
-  const PopulationCovariance by_whole =
-      population_covariance(vectors, to_whole * errors * to_whole.transpose(), kParameters, options.knots, scale);
-  if (!(by_whole.log_likelihood > by_parts.log_likelihood)) return by_parts.covariance;
-  MatrixXd to_parts = MatrixXd::Identity(vectors.rows(), vectors.rows());
-  to_parts(kDelay, kDamping) = -of_spool_s;
-  to_parts(kDelay, kFrequency) = of_spool_s;
-  return to_parts * by_whole.covariance * to_parts.transpose();
+  return valve_covariance(vectors, errors, options.knots, options.usual.current_scale);
 }
 
 Model model_of(const VectorXd& vector, const ValveFitOptions& options) {
