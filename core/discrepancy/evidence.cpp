@@ -80,13 +80,12 @@ Evidence consistent_evidence(const Stack& before, const Stack& after, double red
     }
     // The law was fitted to these scores: they sum to nothing.
     if (blocks > 1) squares *= blocks / (blocks - 1);
-    if (squares <= scatter) {
-      if (length == slowest && blocks < kFewestBlocks) freedoms = std::min(freedoms, 1.0);
-      continue;
+    if (squares > scatter) {
+      scatter = squares;
+      const double told = std::clamp(3 * squares * squares / fourths - 2, 1.0, std::max(1.0, blocks - 1));
+      freedoms = told * std::pow(squares / (squares - energy), 2);
     }
-    scatter = squares;
-    const double told = std::clamp(3 * squares * squares / fourths - 2, 1.0, std::max(1.0, blocks - 1));
-    freedoms = told * std::pow(squares / (squares - energy), 2);
+    if (length == slowest && blocks < kFewestBlocks) freedoms = std::min(freedoms, 1.0);
   }
   const double of_samples = scatter > 0 ? energy * energy / scatter : 0;
   const double owed_to_prior = std::max(0.0, reduction - std::max(0.0, closed));

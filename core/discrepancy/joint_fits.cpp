@@ -24,6 +24,8 @@ constexpr std::size_t kStartsFromPlace = 2;
 constexpr double kLeastBreakaway = 0.001, kKineticShare = 0.75, kStribeckSpeed = 0.25;
 constexpr int kBreakaways = 7;
 constexpr double kNarrow = 5;
+// A joint fit that lowers the cost by less than this share of the forecast has not found its way.
+constexpr double kLeastKept = 0.5;
 // What one loop holds another holds about as far.
 constexpr std::array kSharesTakenOver{0.75, 1.0, 1.25};
 // A law that comes to lead from the leader's valve has found another: once more from there.
@@ -158,6 +160,13 @@ std::vector<JointStart> from_its_smooth_limit(const Tested& tested, const Explan
   return {{.baseline = valve_under(fitted), .parameters = std::move(parameters), .width = 1}};
 }
 
+/// Whether a fit has kept little of what was forecast: the valve's own parameters have taken up so much of the law that
+/// no way leads on from there.
+bool keeps_little(const Tested& tested, const Explanation& beside, const Explanation& fitted) {
+  const double promise = tested.promise.value;
+  return promise > kLeastEvidence && beside.cost - fitted.cost < kLeastKept * promise;
+}
+
 }  // namespace
 
 bool JointFits::has(std::string_view cause) const {
@@ -181,10 +190,9 @@ VectorXd at_population_mean(const Explanation& explanation) {
 }
 
 void fit_jointly(const std::vector<const Tested*>& entering, const Explanation& beside, bool bent, JointFits& joint) {
-  std::vector<VectorXd> places;
-  if (bent) places = {beside.v, at_population_mean(beside)};
-  const auto fit = [&](const Tested& tested) {
-    std::vector<JointStart> starts = joint_starts(tested, beside, places);
+  const std::vector<VectorXd> both_places{beside.v, at_population_mean(beside)};
+  const auto fit = [&](const Tested& tested, bool from_both) {
+    std::vector<JointStart> starts = from_both ? joint_starts(tested, beside, both_places) : std::vector<JointStart>{};
     for (JointStart& start : in_place_of_own_loops(tested, beside)) starts.push_back(std::move(start));
     Explanation fitted = extend(beside, tested.fit, kJointSteps, joint.to_reach(beside), starts);
     if (tested.fit.law.recording) fitted = at_its_instant(std::move(fitted), beside, tested.fit, kJointSteps);
@@ -193,12 +201,17 @@ void fit_jointly(const std::vector<const Tested*>& entering, const Explanation& 
   };
   for (const Tested* tested : entering) {
     joint.racing.push_back(tested);
-    joint.fitted.push_back(fit(*tested));
+    joint.fitted.push_back(fit(*tested, bent));
+    const bool is_lost = !bent && keeps_little(*tested, beside, joint.fitted.back());
+    if (is_lost) {
+      Explanation fitted = fit(*tested, true);
+      if (fitted.cost < joint.fitted.back().cost) joint.fitted.back() = std::move(fitted);
+    }
     // The survey has chosen the place by a forecast, and from a bent fit that says little: it stands where the other
     // place is not surely better.
-    std::optional<Tested> moved = bent ? at_other_place(*tested) : std::nullopt;
+    std::optional<Tested> moved = bent || is_lost ? at_other_place(*tested) : std::nullopt;
     if (!moved) continue;
-    Explanation fitted = fit(*moved);
+    Explanation fitted = fit(*moved, true);
     if (!(fitted.cost < joint.fitted.back().cost - kLeastEvidence)) continue;
     joint.moved.push_back(std::move(*moved));
     joint.racing.back() = &joint.moved.back();

@@ -19,7 +19,8 @@ struct LawFit {
   Evidence consistent_verified;    ///< of the simulation
   Eigen::Index freedoms = 0;       ///< parameters fitted
   Eigen::VectorXd baseline;        ///< the linearised fit's vector, moved to where it would be beside the law
-  Stack residual;                  ///< whitened, what is left beside the law
+  Stack residual;                  ///< whitened, what is forecast to be left beside the law
+  Stack simulated;                 ///< the same with the valve's own moves simulated too; empty where `verified` is 0
   int simulations = 0;
 };
 

@@ -187,10 +187,16 @@ double p_value_of(const Tested& tested, const Evidence& evidence, double size, c
 }
 
 /// Takes over what a survey from another point found better: what it simulates, or where no simulation bears out either
-/// forecast, what it forecasts. `offset` brings its verified reductions to this one's baseline: cost here less there.
-void keep_better(Survey other, double offset, Survey& survey) {
+/// forecast, what it forecasts. `offset` brings the other's verified reductions to
+/// this one's baseline: cost here less there. What moves the valve from there to here is no evidence for a law.
+void keep_better(Survey other, const LinearisedValve& here_fitted, double offset, Survey& survey) {
   for (Tested& there : other.tested) {
-    there.fit.verified = std::max(0.0, there.fit.verified + offset);
+    LawFit& fit = there.fit;
+    fit.verified = std::max(0.0, fit.verified + offset);
+    if (!fit.simulated.empty()) {
+      fit.consistent_verified = consistent_evidence(here_fitted.error(), fit.simulated, fit.verified,
+                                                    slowest_rows(here_fitted.problem(), fit.law, fit.parameters));
+    }
     there.evidence = there.fit.consistent_verified.at_most(there.fit.verified);
     const auto here = std::find_if(survey.tested.begin(), survey.tested.end(),
                                    [&](const Tested& t) { return t.cause() == there.cause(); });
@@ -537,7 +543,7 @@ void enter(Contest& contest, const JointFits& joint, const LinearisedValve& line
     r.sticks = makes_stick(tested.fit.law, beside);
     r.log_likelihood = rank_of(tested, tested.fit.verified, options.causes, contest.inflation, contest.samples);
     r.p_value = tested.p_value;
-    r.residual = tested.fit.residual;
+    r.residual = tested.fit.simulated.empty() ? tested.fit.residual : tested.fit.simulated;
     r.penalty = beside.problem->penalty(tested.fit.baseline);
     contest.entries.push_back(std::move(r));
   }
@@ -619,7 +625,7 @@ Survey survey_all(const LinearisedValve& linear, const Explanation& beside, bool
   Survey survey = survey_laws(linear, *beside.options);
   if (bent) {
     const LinearisedValve mean(*beside.problem, at_population_mean(beside));
-    keep_better(survey_laws(mean, *beside.options), beside.cost - mean.cost(), survey);
+    keep_better(survey_laws(mean, *beside.options), linear, beside.cost - mean.cost(), survey);
   }
   for (Tested& tested : survey.tested) {
     tested.p_value = p_value_of(tested, tested.evidence, size_beyond_good(tested, options.fit), options);
@@ -821,8 +827,9 @@ GoodValveSurvey survey_good_valve(std::span<const Recording> recordings, const V
     // take its place, which no forecast sees.
     const bool is_open = tested.promise.value > kLeastEvidence && tested.evidence.value < 0.5 * tested.promise.value;
     if (is_open || law.family == "memory") {
-      const std::vector<JointStart> starts{{nothing.v, tested.fit.shape}};
-      const Explanation fitted = extend(nothing, tested.fit, kJointSteps, {.lead = nothing.cost}, starts);
+      JointFits joint{.lowest = nothing.cost};
+      fit_jointly({&tested}, nothing, false, joint);
+      const Explanation& fitted = joint.fitted.front();
       const Stack left = whitened_residual(fitted);
       const double reduction = std::max(0.0, nothing.cost - fitted.cost);
       const Evidence found =

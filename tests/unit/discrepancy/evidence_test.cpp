@@ -129,6 +129,14 @@ TEST(Evidence, OneRecordingDoesNotTellHowFarASlowSignatureScatters) {
   EXPECT_LT(slow.as_normal(), 10);
 }
 
+TEST(Evidence, NeitherDoTwoThatScatterLittleBeyondWhiteNoise) {
+  // The two levels lie 0.06 apart: their scores scatter by 1.8 times what white noise would make of them.
+  const Eigen::Index samples = 1000;
+  const Stack before{Eigen::VectorXd::Constant(samples, 10.03), Eigen::VectorXd::Constant(samples, 9.97)};
+  const Stack after{Eigen::VectorXd::Constant(samples, 0.03), Eigen::VectorXd::Constant(samples, -0.03)};
+  EXPECT_EQ(consistent_evidence(before, after, 2 * samples * 100, samples).freedoms, 1);
+}
+
 TEST(Evidence, AContrastInWhiteNoiseIsTheLikelihoodRatio) {
   const Stack truth = noise(0, 5);
   const Contrast better = contrast(truth, with_signature(truth, 0.5));
