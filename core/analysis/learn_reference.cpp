@@ -154,15 +154,15 @@ void point_out_outliers(std::vector<Member>& members) {
   }
 }
 
-/// The population's covariance, estimates' errors taken off.
-MatrixXd covariance_of(const std::vector<const Member*>& members, const ValveFitOptions& options) {
+/// The population's covariance, estimates' errors taken off; of the others where `left_out` members stand aside.
+MatrixXd covariance_of(const std::vector<const Member*>& members, const ValveFitOptions& options, Index left_out = 0) {
   MatrixXd vectors(members.front()->vector.size(), static_cast<Index>(members.size()));
   MatrixXd errors = MatrixXd::Zero(vectors.rows(), vectors.rows());
   for (std::size_t i = 0; i < members.size(); ++i) {
     vectors.col(static_cast<Index>(i)) = members[i]->vector;
     errors += members[i]->fit.covariance / static_cast<double>(members.size());
   }
-  return valve_covariance(vectors, errors, options.knots, options.usual.current_scale);
+  return valve_covariance(vectors, errors, options.knots, options.usual.current_scale, left_out);
 }
 
 Model model_of(const VectorXd& vector, const ValveFitOptions& options) {
@@ -253,7 +253,7 @@ Result<void> survey_members(const std::vector<Member>& members, ValveFitOptions 
     report_valve(report, "trying every cause on", *member->valve, surveyed++, used.size());
     const auto others = used_members(members, member);
     const VectorXd mean = mean_of(others);
-    options.prior = population_prior(mean, covariance_of(others, options), static_cast<double>(others.size()));
+    options.prior = population_prior(mean, covariance_of(others, options, 1), static_cast<double>(others.size()));
     options.start.reset();
     const auto fit = fit_valve(member->valve->recordings, options);
     if (!fit) return tl::unexpected(fit.error());

@@ -160,11 +160,13 @@ std::vector<JointStart> from_its_smooth_limit(const Tested& tested, const Explan
   return {{.baseline = valve_under(fitted), .parameters = std::move(parameters), .width = 1}};
 }
 
-/// Whether a fit has kept little of what was forecast: the valve's own parameters have taken up so much of the law that
-/// no way leads on from there.
+/// Whether a fit has kept little of what was forecast, and there is another place to begin from: the valve's own
+/// parameters have taken up so much of the law that no way leads on from there. One that was given up is nobody's
+/// rival.
 bool keeps_little(const Tested& tested, const Explanation& beside, const Explanation& fitted) {
-  const double promise = tested.promise.value;
-  return promise > kLeastEvidence && beside.cost - fitted.cost < kLeastKept * promise;
+  if (!beside.options->prior || fitted.given_up || tested.promise.value <= kLeastEvidence) return false;
+  if (!tested.fit.law.recording && tested.starts.size() > kMostStarts) return false;
+  return beside.cost - fitted.cost < kLeastKept * tested.fit.reduction;
 }
 
 }  // namespace

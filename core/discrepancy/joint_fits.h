@@ -39,7 +39,8 @@ inline constexpr double kStillNear = 1 / 1.5;
 Eigen::VectorXd at_population_mean(const Explanation& explanation);
 
 /// Fits those that enter. `bent`: the fit beside has bent towards a fault and is far from the valve under it, so that
-/// they begin from where a good valve stands as well. So does one that keeps little of what was forecast of it.
+/// they begin from where a good valve stands as well, and at the other of two places where they may act. So does one
+/// that keeps little of what was forecast of it.
 void fit_jointly(const std::vector<const Tested*>& entering, const Explanation& beside, bool bent, JointFits& joint);
 /// Laws of memory once more, each in the place of the one that fits best so far: what one of them found out about the
 /// valve under it holds for the others, and the way there is narrow.

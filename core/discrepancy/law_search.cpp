@@ -249,11 +249,13 @@ LinearisedValve::Signature times(LinearisedValve::Signature signature, double fa
 }
 
 /// Takes over what a simulation leaves, and what it lowers the cost by.
-void keep_simulated(const LinearisedValve& fit, Stack residual, double verified, LawFit& found) {
+void keep_simulated(const LinearisedValve& fit, Stack residual, const VectorXd& at, double verified, LawFit& found) {
   found.verified = verified;
   found.consistent_verified =
       consistent_evidence(fit.error(), residual, verified, slowest_rows(fit.problem(), found.law, found.parameters));
-  if (verified > 0) found.simulated = std::move(residual);
+  if (!(verified > 0)) return;
+  found.simulated = std::move(residual);
+  found.simulated_at = at;
 }
 
 /// The law in the place of what the valve's own parameters had to do for it: a delay in that of the valve's delay. Only
@@ -290,7 +292,7 @@ void try_in_place_of_own(Search& search, const LinearisedValve& fit, const std::
     found.baseline = moved;
     found.residual = search.residual(moved, parameters);
     found.simulated.clear();
-    keep_simulated(fit, found.residual, std::max(verified, 0.0), found);
+    keep_simulated(fit, found.residual, moved, std::max(verified, 0.0), found);
     found.consistent_reduction = {promise, promise};
     if (verified > 0.5 * promise) break;
   }
@@ -368,7 +370,7 @@ std::optional<LawFit> search_from_starts(Search& search, const LinearisedValve& 
     if (share < 1) parameters[size] = law.law->neutral + share * (parameters[size] - law.law->neutral);
     const VectorXd moved = fit.at() + share * (found.baseline - fit.at());
     const double verified = fit.cost() - search.cost(moved, parameters);
-    if (verified > found.verified) keep_simulated(fit, search.residual(moved, parameters), verified, found);
+    if (verified > found.verified) keep_simulated(fit, search.residual(moved, parameters), moved, verified, found);
     if (found.verified > 0.5 * found.reduction) break;
   }
   return found;

@@ -21,6 +21,7 @@ struct LawFit {
   Eigen::VectorXd baseline;        ///< the linearised fit's vector, moved to where it would be beside the law
   Stack residual;                  ///< whitened, what is forecast to be left beside the law
   Stack simulated;                 ///< the same with the valve's own moves simulated too; empty where `verified` is 0
+  Eigen::VectorXd simulated_at;    ///< the vector of that simulation
   int simulations = 0;
 };
 

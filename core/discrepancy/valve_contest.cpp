@@ -187,12 +187,13 @@ double p_value_of(const Tested& tested, const Evidence& evidence, double size, c
 }
 
 /// Takes over what a survey from another point found better: what it simulates, or where no simulation bears out either
-/// forecast, what it forecasts. `offset` brings the other's verified reductions to
-/// this one's baseline: cost here less there. What moves the valve from there to here is no evidence for a law.
+/// forecast, what it forecasts. `offset` brings the other's verified reductions to this one's baseline: cost here less
+/// there. What moves the valve from there to here is no evidence for a law.
 void keep_better(Survey other, const LinearisedValve& here_fitted, double offset, Survey& survey) {
   for (Tested& there : other.tested) {
     LawFit& fit = there.fit;
     fit.verified = std::max(0.0, fit.verified + offset);
+    if (!(fit.verified > 0)) fit.simulated.clear();
     if (!fit.simulated.empty()) {
       fit.consistent_verified = consistent_evidence(here_fitted.error(), fit.simulated, fit.verified,
                                                     slowest_rows(here_fitted.problem(), fit.law, fit.parameters));
@@ -543,8 +544,9 @@ void enter(Contest& contest, const JointFits& joint, const LinearisedValve& line
     r.sticks = makes_stick(tested.fit.law, beside);
     r.log_likelihood = rank_of(tested, tested.fit.verified, options.causes, contest.inflation, contest.samples);
     r.p_value = tested.p_value;
-    r.residual = tested.fit.simulated.empty() ? tested.fit.residual : tested.fit.simulated;
-    r.penalty = beside.problem->penalty(tested.fit.baseline);
+    const bool is_simulated = !tested.fit.simulated.empty();
+    r.residual = is_simulated ? tested.fit.simulated : tested.fit.residual;
+    r.penalty = beside.problem->penalty(is_simulated ? tested.fit.simulated_at : tested.fit.baseline);
     contest.entries.push_back(std::move(r));
   }
 }
@@ -829,7 +831,7 @@ GoodValveSurvey survey_good_valve(std::span<const Recording> recordings, const V
     if (is_open || law.family == "memory") {
       JointFits joint{.lowest = nothing.cost};
       fit_jointly({&tested}, nothing, false, joint);
-      const Explanation& fitted = joint.fitted.front();
+      const Explanation fitted = led_on(std::move(joint.fitted.front()), kJointSteps, {.lead = nothing.cost});
       const Stack left = whitened_residual(fitted);
       const double reduction = std::max(0.0, nothing.cost - fitted.cost);
       const Evidence found =
