@@ -72,7 +72,7 @@ std::string parameter_name(const std::string& name, const std::string& unit) {
   const std::string suffix = "_" + unit;
   std::string shown = !unit.empty() && name.ends_with(suffix) ? name.substr(0, name.size() - suffix.size()) : name;
   if (shown == name) {
-    for (const char* ending : {"_A_per_s", "_psi_per_s", "_psi", "_hz", "_A", "_s"}) {
+    for (const char* ending : {"_A_per_s", "_psi_per_s", "_per_A", "_psi", "_hz", "_A", "_s"}) {
       if (!shown.ends_with(ending)) continue;
       shown.resize(shown.size() - std::string_view(ending).size());
       break;

@@ -80,6 +80,13 @@ TEST(Sentence, OfAnAmbiguousResultSaysWhatToTestNextOrThatNoTestWouldSettleIt) {
   EXPECT_EQ(summarise(with(Conclusion::kNamed, {sticking()})).next_test, "");
 }
 
+TEST(Sentence, TellsTheUnitOfAParameterOnceBehindItsNumber) {
+  NamedCause cause = sticking();
+  cause.parameters.emplace_back("growth_per_A", ParameterEstimate{.value = 0.5, .ci95 = {0.4, 0.6}, .unit = "1/A"});
+  const std::string sentence = summarise(with(Conclusion::kNamed, {cause})).causes.at(0);
+  EXPECT_NE(sentence.find("; growth 0.5 1/A (95 %: 0.4 to 0.6 1/A)."), std::string::npos) << sentence;
+}
+
 TEST(Sentence, LeavesOutWhereALoopHappenedToBegin) {
   NamedCause loop{.cause = "hysteresis", .family = "memory", .origin = "valve", .probability = 0.99};
   for (const char* name : {"width_A", "memory"}) {
