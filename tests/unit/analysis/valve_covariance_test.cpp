@@ -14,7 +14,6 @@ namespace {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
-using Eigen::VectorXd;
 
 constexpr Index kParameters = static_cast<Index>(kValveParameters.size());
 constexpr Index kFrequency = 0, kDamping = 1, kDelay = 2, kKnots = 20;
