@@ -15,6 +15,7 @@
 #include "core/discrepancy/machine_report.h"
 #include "core/discrepancy/machine_second_look.h"
 #include "core/discrepancy/machine_sticking_loop.h"
+#include "core/identify/order.h"
 #include "core/mechanisms/mechanism.h"
 #include "core/recording/same_rate.h"
 #include "core/residual/noise_floor.h"
@@ -79,6 +80,36 @@ double pooled_noise(std::span<const Recording> recordings, const LoopSigns& loop
     samples += n;
   }
   return std::sqrt(squares / samples);
+}
+
+/// The held-out error of the best linear machine of a low order; infinite where there is none.
+double linear_error(const MachineData& data) {
+  constexpr int kLowOrder = 3;
+  std::vector<Recording> recordings;
+  std::vector<const Recording*> pointers;
+  for (const MachineRecord& record : data.records) recordings.push_back(as_recording(record, data.period_s));
+  for (const Recording& recording : recordings) pointers.push_back(&recording);
+  OrderOptions options;
+  options.offsets = OffsetSharing::kShared;
+  options.largest_order = kLowOrder;
+  options.max_rows = kLinearRows;
+  const auto choice = choose_order(pointers, options);
+  double least = std::numeric_limits<double>::infinity();
+  if (!choice) return least;
+  for (const TriedStructure& tried : choice->tried) least = std::min(least, tried.rmse_heldout);
+  return least;
+}
+
+constexpr double kCloserBetween = 1.05;  // times less is left with the input taken the right way between samples
+constexpr double kNearFloors = 1.25;     // the input is taken the right way, or it does not matter
+
+/// What a search sees. Whether a command that moves is held between its samples, as what writes it does, or moves on,
+/// as what is read does, is told by the linear machine: in half a sample a ramp goes as far as a small fault.
+MachineData searched_data(std::span<const Recording> recordings, double allowed_rms, std::size_t most_samples) {
+  MachineData moving = machine_data(recordings, allowed_rms, most_samples, InputBetween::kMoving);
+  if (!moving.interval_means) return moving;
+  MachineData held = machine_data(recordings, allowed_rms, most_samples, InputBetween::kHeld);
+  return linear_error(moving) > kCloserBetween * linear_error(held) ? held : moving;
 }
 
 MachineGround ground_of(std::span<const Recording> recordings, const MachineData& data, const LoopSigns& loop) {
@@ -191,6 +222,13 @@ struct Look {
   std::optional<MachineData> second_data(std::span<const Recording> recordings, const MachineData& whole) const {
     if (!data.windows || verdict.conclusion != Conclusion::kUnexplained) return std::nullopt;
     return second_look(recordings, data, whole, linear, noise / data.output_scale);
+  }
+
+  /// The error of the best explanation, named or not, over the noise.
+  double floors_left() const {
+    const bool law = !search.scores.empty() && search.scores.front().held_out;
+    const double best = law ? std::min(search.scores.front().rms(), search.linear.rms()) : search.linear.rms();
+    return best * data.output_scale / noise;
   }
 
   /// Whether what was found is closer to the recordings from end to end, too.
@@ -466,10 +504,22 @@ Result<MachineDiagnosis> diagnose_machine(std::span<const Recording> recordings,
   const LoopSigns loop = loop_signs(recordings);
   const bool feedback = loop.is_regulated();
   const double allowed = std::max(0.01 * kDecimationShare * spread, pooled_noise(recordings, loop));
-  MachineData first = machine_data(recordings, allowed, options.most_samples);
-  const MachineData whole = first.windows ? whole_records(recordings, first) : first;
+  MachineData first = searched_data(recordings, allowed, options.most_samples);
+  MachineData whole = first.windows ? whole_records(recordings, first) : first;
   report_stage(options.report, 0, "trying every law of a machine");
   Look look(recordings, std::move(first), whole, loop, budget);
+  if (holds_and_moves(recordings) && look.floors_left() > kNearFloors) {
+    report_stage(options.report, kSearched / 3, "trying every law with the input taken otherwise between samples");
+    MachineData other = machine_data(recordings, allowed, options.most_samples,
+                                     look.data.interval_means ? InputBetween::kHeld : InputBetween::kMoving);
+    MachineData other_whole = other.windows ? whole_records(recordings, other) : other;
+    budget.block_samples = options.block_samples;
+    Look otherwise(recordings, std::move(other), other_whole, loop, budget);
+    if (kCloserBetween * otherwise.floors_left() < look.floors_left()) {
+      look = std::move(otherwise);
+      whole = std::move(other_whole);
+    }
+  }
   if (auto second_data = look.second_data(recordings, whole)) {
     report_stage(options.report, kSearched / 2, "looking again where the recordings are not explained");
     budget.block_samples = options.block_samples;

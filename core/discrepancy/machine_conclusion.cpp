@@ -51,6 +51,30 @@ bool is_degenerate(const MachineScore& score) {
   return false;
 }
 
+/// A dead band at the far end of the input that is no closer than a stop, which has one parameter less.
+bool is_only_a_stop(const MachineScore& score, const MachineSearch& search, const MachineData& data) {
+  constexpr double kNoCloser = 0.01;  // of the held-out error
+  const auto& blocks = score.fit.machine.blocks;
+  const auto band = std::ranges::find(blocks, MachineLaw::kDeadBand, &MachineBlock::law);
+  if (band == blocks.end() || data.records.empty()) return false;
+  std::vector<std::string> stop = score.causes;
+  std::ranges::replace(stop, "dead_band", "saturation");
+  std::ranges::sort(stop);
+  const bool is_known = std::ranges::any_of(search.scores, [&](const MachineScore& other) {
+    std::vector<std::string> causes = other.causes;
+    std::ranges::sort(causes);
+    return other.held_out && causes == stop && other.mean < score.mean + kNoCloser;
+  });
+  return is_known &&
+         is_at_far_end(data, score.fit, static_cast<std::size_t>(band - blocks.begin()), search.ground.input_zero);
+}
+
+/// Whether a law that was held out is one that could be named.
+bool is_possible(const MachineScore& score, const MachineSearch& search, const MachineData& data) {
+  return score.held_out && !is_degenerate(score) && has_effect(score, data, search.ground) &&
+         !is_only_a_stop(score, search, data);
+}
+
 bool same_causes(const MachineScore& a, const MachineScore& b) {
   return a.name() == b.name();
 }
@@ -148,7 +172,7 @@ bool beats_linear(const MachineScore& score, const MachineScore& linear, const M
 const MachineScore* best_of(const MachineSearch& search, const MachineData& data, double floor, const Margin& margin) {
   const MachineScore *single = nullptr, *pair = nullptr, *any = nullptr;
   for (const MachineScore& score : search.scores) {
-    if (!score.held_out || is_degenerate(score) || !has_effect(score, data, search.ground)) continue;
+    if (!is_possible(score, search, data)) continue;
     if (!any || score.mean < any->mean) any = &score;
     if (!beats_linear(score, search.linear, margin)) continue;
     const MachineScore*& best = score.causes.size() > 1 ? pair : single;
@@ -193,7 +217,7 @@ std::vector<std::vector<std::string>> alternatives_of(const MachineSearch& searc
   };
   for (const MachineScore& rival : search.scores) {
     if (!rival.held_out || same_causes(rival, winner) || excluded(rival, winner)) continue;
-    if (is_degenerate(rival) || !has_effect(rival, data, search.ground)) continue;
+    if (!is_possible(rival, search, data)) continue;
     if (rival.mean > search.linear.mean - std::log(kOverLinear) / 2) continue;
     for (std::size_t i = 0; i < winner.causes.size(); ++i) {
       const bool elsewhere_same =
@@ -250,7 +274,7 @@ std::vector<Candidate> weigh(const MachineSearch& search, const MachineData& dat
     if (!score.held_out) candidate.reason = "its fit to all samples was far from the best: not held out";
     double w = score.held_out ? weight(score.mean) : 0;
     if (&score != winner && winner && supported && excluded(score, *winner)) w = std::min(w, kExcludedWeight);
-    if (is_degenerate(score)) {
+    if (is_degenerate(score) || is_only_a_stop(score, search, data)) {
       candidate.reason = "fits as the simpler law that it contains";
       w = std::min(w, kExcludedWeight);
     } else if (&score != winner && score.held_out && !has_effect(score, data, search.ground)) {
@@ -435,7 +459,7 @@ bool is_beyond_doubt(const MachineSearch& search, const MachineData& data, const
   if (search.black_box_rms < closer * best.rms()) return false;
   return std::all_of(search.scores.begin(), search.scores.end(), [&](const MachineScore& rival) {
     if (!rival.held_out || contains(rival, best) || family_set(rival) == family_set(best)) return true;
-    if (is_degenerate(rival) || !has_effect(rival, data, search.ground)) return true;
+    if (!is_possible(rival, search, data)) return true;
     return rival.rms() >= closer * best.rms();
   });
 }
@@ -456,9 +480,8 @@ std::vector<const MachineScore*> singles_beside(const MachineSearch& search, con
 /// is its rival, the closest of these first. Empty where no other cause was held out.
 std::string rival_of(const MachineSearch& search, const MachineData& data, const MachineScore& best) {
   const auto singles = singles_beside(search, best);
-  const auto next = std::find_if(singles.begin(), singles.end(), [&](const MachineScore* rival) {
-    return rival->held_out && !is_degenerate(*rival) && has_effect(*rival, data, search.ground);
-  });
+  const auto next = std::find_if(singles.begin(), singles.end(),
+                                 [&](const MachineScore* rival) { return is_possible(*rival, search, data); });
   if (next == singles.end()) return {};
   if ((*next)->rms() < kBeyondDoubt * best.rms()) return (*next)->causes[0];
   const Mechanism* law = find_mechanism(best.causes.back());

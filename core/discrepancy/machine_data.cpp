@@ -40,20 +40,6 @@ std::size_t moving_on(const Recording& recording, const Segment& segment) {
   return moving;
 }
 
-/// Whether some of the input is held after steps and some moves on between samples.
-bool holds_and_moves(std::span<const Recording> recordings) {
-  std::size_t steps = 0, moving = 0;
-  for (const Recording& recording : recordings) {
-    for (const Segment& segment : recording.segments) {
-      if (segment.kind == SegmentKind::kStep) ++steps;
-      if (segment.kind == SegmentKind::kRamp || segment.kind == SegmentKind::kSweep) {
-        moving += moving_on(recording, segment);
-      }
-    }
-  }
-  return steps > 0 && moving > 0;
-}
-
 /// The recordings with each input sample replaced by the mean over the interval that follows it.
 std::vector<Recording> with_interval_means(std::span<const Recording> recordings) {
   std::vector<Recording> changed(recordings.begin(), recordings.end());
@@ -256,9 +242,23 @@ std::vector<std::vector<std::size_t>> MachineData::all_rows() const {
   return rows;
 }
 
-MachineData machine_data(std::span<const Recording> given, double allowed_rms, std::size_t most_samples) {
+bool holds_and_moves(std::span<const Recording> recordings) {
+  std::size_t steps = 0, moving = 0;
+  for (const Recording& recording : recordings) {
+    for (const Segment& segment : recording.segments) {
+      if (segment.kind == SegmentKind::kStep) ++steps;
+      if (segment.kind == SegmentKind::kRamp || segment.kind == SegmentKind::kSweep) {
+        moving += moving_on(recording, segment);
+      }
+    }
+  }
+  return steps > 0 && moving > 0;
+}
+
+MachineData machine_data(std::span<const Recording> given, double allowed_rms, std::size_t most_samples,
+                         InputBetween between) {
   MachineData data;
-  data.interval_means = holds_and_moves(given);
+  data.interval_means = between == InputBetween::kMoving && holds_and_moves(given);
   const std::vector<Recording> changed = data.interval_means ? with_interval_means(given) : std::vector<Recording>();
   const std::span<const Recording> recordings = data.interval_means ? std::span<const Recording>(changed) : given;
   Moments input, output;

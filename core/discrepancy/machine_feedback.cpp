@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/linear_algebra/solve.h"
+#include "core/recording/feedback.h"
 
 namespace valvetriage {
 namespace {
@@ -15,34 +16,13 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kFeedbackShare = 0.75;  // R² of the input's increments on present and past outputs
-constexpr double kKept = 0.75;           // of the samples: at the others the set-point may change
-constexpr double kLawShare = 0.9;        // R² of a controller's law on the kept samples
-constexpr double kForetold = 3;          // times the law's squares that the past alone must leave
-constexpr double kIntegrating = 1.5;     // times the law's squares that a law without integral action must leave
+constexpr double kKept = 0.75;        // of the samples: at the others the set-point may change
+constexpr double kLawShare = 0.9;     // R² of a controller's law on the kept samples
+constexpr double kForetold = 3;       // times the law's squares that the past alone must leave
+constexpr double kIntegrating = 1.5;  // times the law's squares that a law without integral action must leave
 constexpr Index kFewestMoves = 100;
 constexpr double kMoving = 0.3;  // of the samples
 constexpr int kConcentrations = 10;
-
-/// R² of Δu_t on y_t, y_{t−1}, y_{t−2}.
-double feedback_share(const Recording& recording) {
-  const auto& u = recording.input.values;
-  const auto& y = recording.output.values;
-  const std::size_t n = u.size();
-  if (n < 50) return 0;
-  Eigen::MatrixXd columns(static_cast<Eigen::Index>(n - 2), 4);
-  Eigen::VectorXd steps(static_cast<Eigen::Index>(n - 2));
-  for (std::size_t t = 2; t < n; ++t) {
-    const auto i = static_cast<Eigen::Index>(t - 2);
-    columns.row(i) << y[t], y[t - 1], y[t - 2], 1;
-    steps[i] = u[t] - u[t - 1];
-  }
-  const double mean = steps.mean();
-  const double total = (steps.array() - mean).square().sum();
-  if (total <= 0) return 0;
-  const Eigen::VectorXd gap = steps - columns * least_squares(columns, steps);
-  return 1 - gap.squaredNorm() / total;
-}
 
 /// Squares that a linear law leaves on the samples that follow it best: least trimmed squares (Rousseeuw 1984), by
 /// concentration from the samples where the input moves least.
@@ -126,9 +106,7 @@ bool has_integrating_controller(const Recording& recording) {
 LoopSigns loop_signs(std::span<const Recording> recordings) {
   LoopSigns signs;
   for (const Recording& recording : recordings) {
-    const bool seen = std::any_of(recording.quality.begin(), recording.quality.end(),
-                                  [](const QualityItem& item) { return item.code == "feedback"; });
-    signs.input_follows_output = signs.input_follows_output || seen || feedback_share(recording) > kFeedbackShare;
+    signs.input_follows_output = signs.input_follows_output || output_followed(recording).is_regulated();
     signs.integrating_controller = signs.integrating_controller || has_integrating_controller(recording);
   }
   return signs;

@@ -8,8 +8,7 @@ namespace valvetriage {
 
 /// What a closed loop leaves in its recordings.
 struct LoopSigns {
-  /// The input's increments follow from the present and two past outputs, R² above 0.75: above it in every regulated
-  /// loop, below 0.25 in every recording of a machine alone.
+  /// See `output_followed`.
   bool input_follows_output = false;
   /// An integrating controller's law holds exactly between changes of its set-point: the input's second differences are
   /// Σ c_k Δy_{t−k}, k = 0 … 2, Σ c_k ≠ 0 on three quarters of the samples, and the past alone foretells them far

@@ -30,6 +30,7 @@ constexpr double kPairBaseGain = 1.08;    // a single that gains less is no base
 constexpr double kPairScreenGain = 0.97;  // a pair that fits no better than its base is not held out
 constexpr double kRinging = 1.5;          // times the least damping that a record can tell
 constexpr int kDelayTries = 6;
+constexpr int kSettlingRounds = 8;
 constexpr double kWorthADelay = 1e-3;     // of the squared error
 constexpr double kWorthFinishing = 1e-3;  // of the squared error
 constexpr double kWorthAnOrder = 0.005;   // of the held-out error
@@ -81,10 +82,20 @@ MachineBlock* delayed_block(MachineFit& fit) {
   return nullptr;
 }
 
+/// Refines a fit until that is of no more use.
+void settle(const MachineData& data, MachineFit& fit, MachineBudget& budget) {
+  for (int round = 0; round < kSettlingRounds && !budget.spent(); ++round) {
+    const double before = fit.squares;
+    refine_machine(data, data.all_rows(), kMiddleIterations, fit, budget);
+    if (!(fit.squares < before * (1 - kWorthADelay))) return;
+  }
+}
+
 /// A law's own delay. The linear machine's was found without the law, and what a law holds back looks like a delay.
 void settle_delay(const MachineData& data, int least, MachineFit& fit, MachineBudget& budget) {
-  const MachineBlock* own = delayed_block(fit);
-  if (!own) return;
+  if (!delayed_block(fit)) return;
+  // Iterations that it still has to go would be credited to another delay.
+  settle(data, fit, budget);
   const auto try_delay = [&](int delay) {
     MachineFit trial = fit;
     delayed_block(trial)->delay_samples = delay;
@@ -93,7 +104,7 @@ void settle_delay(const MachineData& data, int least, MachineFit& fit, MachineBu
     fit = std::move(trial);
     return true;
   };
-  const int first = own->delay_samples;
+  const int first = delayed_block(fit)->delay_samples;
   for (const int far : {least, (least + first) / 2}) {
     if (first - far > 1) try_delay(far);
   }
@@ -198,9 +209,19 @@ bool earns_its_order(const MachineScore& higher, const MachineScore& lower) {
   return higher.mean < lower.mean - kWorthAnOrder && compare_whitened(higher, lower).log_gain > kWorthAnOrder;
 }
 
-/// Starts of an integrating motion, each with one more lag where the order is 2; the better fit stays.
+/// Linear machines of low order without the delay that the best of them seems to have.
+void add_prompt(const MachineData& data, MachineGround& ground, MachineBudget& budget) {
+  constexpr int kLowOrder = 2;
+  for (int order = 1; order <= kLowOrder && ground.dead_samples > ground.least_delay + 1; ++order) {
+    auto machine = identified_linear(data, order, ground.least_delay);
+    if (!machine || !solve_linear(data, *machine)) return;
+    refine_machine(data, data.all_rows(), kMiddleIterations, machine->fit, budget);
+    if (!machine->fit.failed) ground.beside.push_back(std::move(*machine));
+  }
+}
+
+/// Starts of an integrating motion, each with one more lag where the order is 2 and not 1; the better fit stays.
 void try_integrating(const MachineData& data, MachineGround& ground, LinearMachine& machine, MachineBudget& budget) {
-  if (machine.order > 2) return;
   std::vector<double> rates{0.5, 0.1, 0.03};  // of the second lag, per sample
   for (const double lag_samples : {1.0, 4.0}) {
     const auto equation = motion_equation(data, {.stiffness = false}, lag_samples);
@@ -363,10 +384,16 @@ MachineScore search_linear(const MachineData& data, MachineGround& ground, Machi
   }
   if (ground.linear.empty()) ground.linear.push_back(linear_machine(0, {}, 0, 1, data));
   MachineScore best;
+  ground.beside.clear();
+  if (choice) add_prompt(data, ground, budget);
   for (LinearMachine& machine : ground.linear) {
     if (choice) solve_linear(data, machine);
     refine_machine(data, data.all_rows(), kMiddleIterations, machine.fit, budget);
-    if (choice) try_integrating(data, ground, machine, budget);
+    if (choice && machine.order <= 2) {
+      const LinearMachine plain = machine;
+      try_integrating(data, ground, machine, budget);
+      if (machine.fit.squares < plain.fit.squares) ground.beside.push_back(plain);
+    }
     MachineScore score{.fit = machine.fit};
     hold_out(data, score, budget);
     if (best.held_out && (!earns_its_order(score, best) || only_rings(data, score, best, budget))) continue;

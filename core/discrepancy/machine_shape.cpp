@@ -92,6 +92,28 @@ bool is_reached(const MachineData& data, const MachineFit& fit, std::size_t limi
   return beyond >= 3 && static_cast<double>(beyond) >= kLeastShare * static_cast<double>(signal.size());
 }
 
+bool is_at_far_end(const MachineData& data, const MachineFit& fit, std::size_t band, double input_zero) {
+  constexpr double kSeldom = 0.05;  // of the samples
+  constexpr double kAsFar = 0.1;    // of the input's range: ends about as far from its zero are both far
+  const MachineBlock& block = fit.machine.blocks[band];
+  const double centre = block.parameters[0], half = 0.5 * block.parameters[1];
+  const std::vector<double> signal = entering(data, fit, band);
+  const auto often = [&](auto count) {
+    return static_cast<double>(count) >= kSeldom * static_cast<double>(signal.size());
+  };
+  const bool above = often(std::ranges::count_if(signal, [&](double x) { return x > centre + half; }));
+  const bool below = often(std::ranges::count_if(signal, [&](double x) { return x < centre - half; }));
+  if (above == below) return false;
+  double low = INFINITY, high = -INFINITY;
+  for (const MachineRecord& record : data.records) {
+    const auto [least, most] = std::ranges::minmax_element(record.input);
+    low = std::min(low, *least);
+    high = std::max(high, *most);
+  }
+  const double zero = (input_zero - low) / (high - low);  // 0 at the low end, 1 at the high one
+  return above ? zero > 0.5 - kAsFar : zero < 0.5 + kAsFar;
+}
+
 bool has_true_stops(const MachineData& data, const MachineFit& fit) {
   constexpr double kStep = 1e-4, kStands = 0.1;
   for (std::size_t b = 0; b < fit.machine.blocks.size(); ++b) {

@@ -8,6 +8,12 @@ namespace valvetriage {
 /// most, and the name of a level that nothing ever came to would be a guess.
 bool is_reached(const MachineData& data, const MachineFit& fit, std::size_t limit);
 
+/// Whether a dead band lies at an end of the input that is not about its zero: but for one sample in twenty the signal
+/// leaves it on one side alone. What does not answer there and does not begin again has stopped.
+///
+/// input_zero  scaled units
+bool is_at_far_end(const MachineData& data, const MachineFit& fit, std::size_t band, double input_zero);
+
 /// False where the limits of a chain bend rather than stop: one is passed and yet follows more than a tenth of what
 /// enters it, or two are rounded so much that they leave no straight way between them. True for a chain without limits.
 bool has_true_stops(const MachineData& data, const MachineFit& fit);

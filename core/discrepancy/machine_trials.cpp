@@ -248,6 +248,9 @@ std::vector<MachineTrial> single_trials(const MachineData& data, const MachineGr
     for (const int order : law_orders(g)) {
       for (const auto& start : law.starts) trial.starts.push_back(with_law(g.of_order(order).fit, law, start));
     }
+    for (const LinearMachine& machine : g.beside) {
+      for (const auto& start : law.starts) trial.starts.push_back(with_law(machine.fit, law, start));
+    }
     if (law.cause == "friction" && !g.one_rate && g.least_delay > 0) {
       for (MachineFit& fit : held_input_frictions(data, g)) trial.starts.push_back(std::move(fit));
     }

@@ -23,7 +23,9 @@ struct GainStep {
 /// What laws are started from: the linear machines and the ranges of the signals, all in scaled units.
 struct MachineGround {
   std::vector<LinearMachine> linear;  ///< ascending in order
-  int chosen_order = 1;               ///< of the linear machine with the lowest held-out error
+  /// Others of low order to start laws from: what integrates may do so, and what is late be late, for want of the law.
+  std::vector<LinearMachine> beside;
+  int chosen_order = 1;  ///< of the linear machine with the lowest held-out error
   int dead_samples = 0;
   int least_delay = 0;  ///< [samples] that a machine needs: one where a controller sets the input by the output
   double input_low = 0, input_high = 0, output_low = 0, output_high = 0;

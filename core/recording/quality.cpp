@@ -2,13 +2,12 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <optional>
 #include <vector>
 
-#include "core/linear_algebra/solve.h"
+#include "core/recording/feedback.h"
 #include "core/recording/segments.h"
 
 namespace valvetriage {
@@ -33,9 +32,6 @@ constexpr double kOutlierOfRange = 0.03;
 constexpr double kOutlierOverMovement = 4;
 constexpr double kOutlierOverStep = 1.5;  ///< a flicker between two levels is no outlier
 constexpr double kRepairableShare = 0.01;
-
-constexpr double kFeedbackR2 = 0.75;
-constexpr double kDrawnR2 = 0.9;  ///< of the input's increments from their own past: a drawn signal
 
 struct Extremes {
   double low = 0;
@@ -326,56 +322,14 @@ bool is_stamped(const Recording& recording, Run run) {
 
 // ---- feedback -----------------------------------------------------------------------------------------------------
 
-constexpr int kRegressors = 5;  // present and two past outputs, then two past increments of the input
-using Gram = Eigen::Matrix<double, kRegressors + 1, kRegressors + 1>;
-
-/// Share of the last variable's variance that the `count` variables from `first` on explain.
-double explained(const Gram& gram, int first, int count) {
-  const double total = gram(kRegressors, kRegressors);
-  if (total <= 0) return 0;
-  Eigen::MatrixXd normal = gram.block(first, first, count, count);
-  const Eigen::VectorXd right = gram.block(first, kRegressors, count, 1);
-  normal.diagonal() *= 1 + 1e-10;
-  const Eigen::VectorXd weights = solve_symmetric(normal, right);
-  const double share = right.dot(weights) / total;
-  return std::isfinite(share) ? share : 0;
-}
-
-/// Covariances of the regressors and the input's increment, the increments at step edges left out: those are commands.
-Gram covariances_of(const Recording& recording) {
-  const std::vector<double>& u = recording.input.values;
-  const std::vector<double>& y = recording.output.values;
-  std::vector<std::uint8_t> commanded(u.size(), 0);
-  for (const Segment& segment : recording.segments) {
-    if (!segment.begins_with_jump()) continue;
-    const std::size_t from = segment.begin - std::min<std::size_t>(segment.begin, 3);
-    for (std::size_t i = from; i < std::min(segment.begin + 6, u.size()); ++i) commanded[i] = 1;
-  }
-  const double level = y.front();
-  Gram sums = Gram::Zero();
-  Eigen::Matrix<double, kRegressors + 1, 1> total = Eigen::Matrix<double, kRegressors + 1, 1>::Zero(), row;
-  double rows = 0;
-  for (std::size_t i = 3; i < u.size(); ++i) {
-    if (commanded[i] != 0 || !recording.is_valid(i)) continue;
-    row << y[i] - level, y[i - 1] - level, y[i - 2] - level, u[i - 1] - u[i - 2], u[i - 2] - u[i - 3], u[i] - u[i - 1];
-    sums.noalias() += row * row.transpose();
-    total += row;
-    rows += 1;
-  }
-  if (rows == 0) return sums;
-  return sums - total * total.transpose() / rows;
-}
-
 void judge_feedback(Recording& recording) {
-  const Gram gram = covariances_of(recording);
-  const double by_output = explained(gram, 0, 3);
-  const double by_itself = explained(gram, 3, 2);
-  if (by_output <= kFeedbackR2 || by_itself >= kDrawnR2) return;
+  const OutputFollowed followed = output_followed(recording);
+  if (!followed.is_regulated()) return;
   recording.quality.push_back(
       {.code = "feedback",
        .detail = fmt::format("{:.0f} % of the changes of {} follow from {}: the record shows a "
                              "controller rather than the plant",
-                             100 * by_output, recording.input.quantity, recording.output.quantity),
+                             100 * followed.of_all, recording.input.quantity, recording.output.quantity),
        .count = recording.samples()});
 }
 

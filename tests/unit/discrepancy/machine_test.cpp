@@ -152,16 +152,78 @@ TEST(Machine, ATankBelowAnotherHasAnExponentOfItsOwn) {
   EXPECT_LT(diagnosis.discrepancy.gain.rmse_extended, 2 * 0.03);  // with one exponent for both tanks: 3.1
 }
 
-TEST(Machine, ACommandOfTwoLevelsIsHeldHoweverShortItsPulses) {
-  const auto u = two_levels(1000, 5, 37);
-  Recording measured = recording(u, lag(Oscillator{}.run(u, kPeriod_s), 0.2, kPeriod_s), kPeriod_s, kNoise, 38);
+/// The same with its segments and its kind, as read from a file.
+Recording prepared(const Recording& measured) {
   RawRecording raw;
+  raw.name = measured.name;
   raw.time.values = measured.time_s;
   raw.input = measured.input;
   raw.output = measured.output;
   const auto prepared = prepare_recording(std::move(raw), ColumnMapping{.time = "t", .input = "u", .output = "y"});
-  ASSERT_TRUE(prepared.has_value()) << prepared.error().message;
-  EXPECT_FALSE(machine_data(std::span(&*prepared, 1), kNoise, 5000).interval_means);
+  EXPECT_TRUE(prepared.has_value()) << prepared.error().message;
+  return prepared.value();
+}
+
+TEST(Machine, ACommandOfTwoLevelsIsHeldHoweverShortItsPulses) {
+  const auto u = two_levels(1000, 5, 37);
+  const Recording measured =
+      prepared(recording(u, lag(Oscillator{}.run(u, kPeriod_s), 0.2, kPeriod_s), kPeriod_s, kNoise, 38));
+  EXPECT_FALSE(machine_data(std::span(&measured, 1), kNoise, 5000).interval_means);
+}
+
+/// Held levels and triangles from -2 to 2, so many values of them a sample.
+std::vector<Signal> levels_and_triangles(std::size_t per_sample) {
+  const std::size_t samples = kSamples * per_sample;
+  Signal levels(samples), triangles(samples);
+  Noise noise(51);
+  double level = 0;
+  for (std::size_t t = 0; t < samples; ++t) {
+    if (t % (60 * per_sample) == 0) level = 4 * noise.uniform() - 2;
+    levels[t] = level;
+    const double phase = static_cast<double>(t % (300 * per_sample)) / static_cast<double>(300 * per_sample);
+    triangles[t] = 4 * std::abs(2 * phase - 1) - 2;
+  }
+  return {levels, triangles};
+}
+
+Signal every(const Signal& values, std::size_t stride) {
+  Signal kept;
+  for (std::size_t t = 0; t < values.size(); t += stride) kept.push_back(values[t]);
+  return kept;
+}
+
+/// A lag ahead of a stop, the input held for so many steps of the physics or moving on with each of them.
+std::vector<Recording> stopped_lag(std::size_t steps_a_sample, double stop, double noise_rms) {
+  std::vector<Recording> recordings;
+  for (const Signal& u : levels_and_triangles(steps_a_sample)) {
+    const Signal y = each(lag(u, 0.2, kPeriod_s / static_cast<double>(steps_a_sample)),
+                          [stop](double x) { return std::min(x, stop); });
+    recordings.push_back(prepared(
+        recording(every(u, steps_a_sample), every(y, steps_a_sample), kPeriod_s, noise_rms, 52 + recordings.size())));
+    recordings.back().name = std::to_string(recordings.size()) + ".csv";
+  }
+  return recordings;
+}
+
+TEST(Machine, ACommandThatIsHeldOrMovesOnBetweenSamplesLeavesNothingOfALagEitherWay) {
+  for (const std::size_t steps_a_sample : {1, 20}) {
+    const auto diagnosis = diagnose_machine(stopped_lag(steps_a_sample, 10, 1e-3), MachineOptions{});
+    ASSERT_TRUE(diagnosis.has_value());
+    expect_nothing(diagnosis->discrepancy);
+    EXPECT_LT(diagnosis->discrepancy.gain.rmse_baseline, 1.3 * 1e-3) << steps_a_sample;  // the wrong way: 8e-3
+  }
+}
+
+TEST(Machine, AStopIsNamedWhetherTheCommandIsHeldOrMovesOnBetweenSamples) {
+  for (const std::size_t steps_a_sample : {1, 20}) {
+    const auto diagnosis = diagnose_machine(stopped_lag(steps_a_sample, 1, 1e-3), MachineOptions{});
+    ASSERT_TRUE(diagnosis.has_value());
+    const Discrepancy& d = diagnosis->discrepancy;
+    EXPECT_EQ(d.conclusion, Conclusion::kNamed) << steps_a_sample;
+    ASSERT_EQ(d.causes.size(), 1U);
+    EXPECT_EQ(d.causes[0].cause, "saturation");
+    EXPECT_LT(d.gain.rmse_extended, 1.5e-3) << steps_a_sample;
+  }
 }
 
 TEST(MachineData, WithoutALimitEverySampleOfALongRecordingIsTaken) {
