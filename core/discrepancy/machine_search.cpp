@@ -30,7 +30,6 @@ constexpr double kPairBaseGain = 1.08;    // a single that gains less is no base
 constexpr double kPairScreenGain = 0.97;  // a pair that fits no better than its base is not held out
 constexpr double kRinging = 1.5;          // times the least damping that a record can tell
 constexpr int kDelayTries = 6;
-constexpr int kSettlingRounds = 8;
 constexpr double kWorthADelay = 1e-3;     // of the squared error
 constexpr double kWorthFinishing = 1e-3;  // of the squared error
 constexpr double kWorthAnOrder = 0.005;   // of the held-out error
@@ -82,20 +81,9 @@ MachineBlock* delayed_block(MachineFit& fit) {
   return nullptr;
 }
 
-/// Refines a fit until that is of no more use.
-void settle(const MachineData& data, MachineFit& fit, MachineBudget& budget) {
-  for (int round = 0; round < kSettlingRounds && !budget.spent(); ++round) {
-    const double before = fit.squares;
-    refine_machine(data, data.all_rows(), kMiddleIterations, fit, budget);
-    if (!(fit.squares < before * (1 - kWorthADelay))) return;
-  }
-}
-
 /// A law's own delay. The linear machine's was found without the law, and what a law holds back looks like a delay.
 void settle_delay(const MachineData& data, int least, MachineFit& fit, MachineBudget& budget) {
   if (!delayed_block(fit)) return;
-  // Iterations that it still has to go would be credited to another delay.
-  settle(data, fit, budget);
   const auto try_delay = [&](int delay) {
     MachineFit trial = fit;
     delayed_block(trial)->delay_samples = delay;
