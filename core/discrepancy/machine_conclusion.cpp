@@ -51,19 +51,20 @@ bool is_degenerate(const MachineScore& score) {
   return false;
 }
 
+bool same_causes(const MachineScore& a, const MachineScore& b) {
+  return a.name() == b.name();
+}
+
 /// A dead band at the far end of the input that is no closer than a stop, which has one parameter less.
 bool is_only_a_stop(const MachineScore& score, const MachineSearch& search, const MachineData& data) {
   constexpr double kNoCloser = 0.01;  // of the held-out error
   const auto& blocks = score.fit.machine.blocks;
   const auto band = std::ranges::find(blocks, MachineLaw::kDeadBand, &MachineBlock::law);
   if (band == blocks.end() || data.records.empty()) return false;
-  std::vector<std::string> stop = score.causes;
-  std::ranges::replace(stop, "dead_band", "saturation");
-  std::ranges::sort(stop);
+  MachineScore stop{.causes = score.causes};
+  std::ranges::replace(stop.causes, "dead_band", "saturation");
   const bool is_known = std::ranges::any_of(search.scores, [&](const MachineScore& other) {
-    std::vector<std::string> causes = other.causes;
-    std::ranges::sort(causes);
-    return other.held_out && causes == stop && other.mean < score.mean + kNoCloser;
+    return other.held_out && same_causes(other, stop) && other.mean < score.mean + kNoCloser;
   });
   return is_known &&
          is_at_far_end(data, score.fit, static_cast<std::size_t>(band - blocks.begin()), search.ground.input_zero);
@@ -73,10 +74,6 @@ bool is_only_a_stop(const MachineScore& score, const MachineSearch& search, cons
 bool is_possible(const MachineScore& score, const MachineSearch& search, const MachineData& data) {
   return score.held_out && !is_degenerate(score) && has_effect(score, data, search.ground) &&
          !is_only_a_stop(score, search, data);
-}
-
-bool same_causes(const MachineScore& a, const MachineScore& b) {
-  return a.name() == b.name();
 }
 
 std::string family_set(const MachineScore& score) {
@@ -216,7 +213,7 @@ std::vector<std::vector<std::string>> alternatives_of(const MachineSearch& searc
     list.push_back(cause);
   };
   for (const MachineScore& rival : search.scores) {
-    if (!rival.held_out || same_causes(rival, winner) || excluded(rival, winner)) continue;
+    if (same_causes(rival, winner) || excluded(rival, winner)) continue;
     if (!is_possible(rival, search, data)) continue;
     if (rival.mean > search.linear.mean - std::log(kOverLinear) / 2) continue;
     for (std::size_t i = 0; i < winner.causes.size(); ++i) {
