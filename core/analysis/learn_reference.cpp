@@ -344,6 +344,25 @@ Result<std::vector<Member>> fit_members(std::span<const ValveRecordings> valves,
   return members;
 }
 
+/// Whether what plays the commands holds them between their samples: good valves' own fits are closer then. A stand
+/// that holds and a simulation that goes straight differ by half a sample on every ramp and by nothing on steps, which
+/// no delay follows.
+Result<InputBetween> input_between(std::span<const ValveRecordings> valves, ValveFitOptions options) {
+  constexpr std::size_t kAsked = 2;
+  constexpr double kCloser = 1.01;
+  double log_ratio = 0;
+  for (const ValveRecordings& valve : valves.first(std::min(kAsked, valves.size()))) {
+    if (!holds_and_moves(valve.recordings)) continue;
+    for (const InputBetween between : {InputBetween::kStraight, InputBetween::kHeld}) {
+      options.usual.input_between = between;
+      const auto fit = fit_member(valve, options);
+      if (!fit) return tl::unexpected(fit.error());
+      log_ratio += (between == InputBetween::kStraight ? 1 : -1) * std::log(std::max(fit->rmse, 1e-12));
+    }
+  }
+  return log_ratio > std::log(kCloser) ? InputBetween::kHeld : InputBetween::kStraight;
+}
+
 Result<Reference> learn_with(const std::vector<Member>& members, const std::string& valve_type,
                              const ValveFitOptions& options, const StageReport& report) {
   const auto used = used_members(members);
@@ -412,6 +431,10 @@ Result<Reference> learn_reference(std::span<const ValveRecordings> given, const 
   if (auto checked = check_distinct(valves); !checked) return tl::unexpected(checked.error());
   auto options = common_options(valves);
   if (!options) return tl::unexpected(options.error());
+
+  const auto between = input_between(valves, *options);
+  if (!between) return tl::unexpected(between.error());
+  options->usual.input_between = *between;
 
   // What they have in common is learned from those that are alike.
   const auto first = fit_members(valves, *options, report_part(report, 0, kFitted));

@@ -37,12 +37,13 @@ VectorXd vector_of(const UsualMechanisms& usual) {
   return u;
 }
 
-UsualMechanisms usual_of(const VectorXd& u, double current_scale) {
+UsualMechanisms usual_of(const VectorXd& u, const UsualMechanisms& beside) {
   const double last = std::max(0.0, 1 - u(kSecondShare) - u(kThirdShare));  // the others may make up 1 to rounding
   return {.gauge_lag_s = u(kGauge),
           .air_share = u(kAir),
           .loop_shares = {0, u(kSecondShare), u(kThirdShare), last},
-          .current_scale = current_scale};
+          .current_scale = beside.current_scale,
+          .input_between = beside.input_between};
 }
 
 constexpr std::array<Index, 2> kShares{kSecondShare, kThirdShare};
@@ -107,7 +108,7 @@ class Learner {
 
   ValveFitOptions with(const VectorXd& shared) const {
     ValveFitOptions options = options_;
-    options.usual = usual_of(shared, options_.usual.current_scale);
+    options.usual = usual_of(shared, options_.usual);
     return options;
   }
 
@@ -194,7 +195,7 @@ Result<UsualMechanisms> learn_usual_mechanisms(std::span<const ValveRecordings> 
     setting = std::move(with);
     free = std::move(tried);
   }
-  return usual_of(setting.shared, options.usual.current_scale);
+  return usual_of(setting.shared, options.usual);
 }
 
 }  // namespace valvetriage

@@ -92,13 +92,13 @@ std::vector<Play> repertoire(const AdviceOptions& options, const std::string& un
 
 /// A test's input between its samples, made once for all that is simulated on it.
 struct PlayedInput {
-  PlayedInput(const Play& play, double sample_rate_hz)
+  PlayedInput(const Play& play, double sample_rate_hz, InputBetween between)
       : sample_period_s(1 / sample_rate_hz), samples(play.input.size()) {
     Recording recording;
     recording.sample_period_s = sample_period_s;
     recording.input.values = play.input;
     recording.segments = find_segments(play.input, sample_period_s);
-    between_samples = input_between_samples(recording);
+    between_samples = input_between_samples(recording, between);
   }
   double sample_period_s;
   std::size_t samples;
@@ -139,7 +139,7 @@ struct Products {
 /// Empty where one of them cannot be simulated.
 std::optional<Products> products_on(const Play& play, std::span<const Alternative* const> alternatives,
                                     std::span<const Columns> columns, const AdviceOptions& options) {
-  const PlayedInput input(play, options.sample_rate_hz);
+  const PlayedInput input(play, options.sample_rate_hz, alternatives.front()->model.input_between);
   const auto every = static_cast<Index>(1 + input.samples / kMostLooks);
   const Index looks = (static_cast<Index>(input.samples) + every - 1) / every;
   MatrixXd seen = MatrixXd::Zero(looks, columns.back().first_loose + columns.back().loose);

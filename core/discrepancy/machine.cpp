@@ -106,7 +106,7 @@ constexpr double kNearFloors = 1.25;     // the input is taken the right way, or
 /// What a search sees. Whether a command that moves is held between its samples, as what writes it does, or moves on,
 /// as what is read does, is told by the linear machine: in half a sample a ramp goes as far as a small fault.
 MachineData searched_data(std::span<const Recording> recordings, double allowed_rms, std::size_t most_samples) {
-  MachineData moving = machine_data(recordings, allowed_rms, most_samples, InputBetween::kMoving);
+  MachineData moving = machine_data(recordings, allowed_rms, most_samples, InputBetween::kStraight);
   if (!moving.interval_means) return moving;
   MachineData held = machine_data(recordings, allowed_rms, most_samples, InputBetween::kHeld);
   return linear_error(moving) > kCloserBetween * linear_error(held) ? held : moving;
@@ -511,7 +511,7 @@ Result<MachineDiagnosis> diagnose_machine(std::span<const Recording> recordings,
   if (holds_and_moves(recordings) && look.floors_left() > kNearFloors) {
     report_stage(options.report, kSearched / 3, "trying every law with the input taken otherwise between samples");
     MachineData other = machine_data(recordings, allowed, options.most_samples,
-                                     look.data.interval_means ? InputBetween::kHeld : InputBetween::kMoving);
+                                     look.data.interval_means ? InputBetween::kHeld : InputBetween::kStraight);
     MachineData other_whole = other.windows ? whole_records(recordings, other) : other;
     budget.block_samples = options.block_samples;
     Look otherwise(recordings, std::move(other), other_whole, loop, budget);

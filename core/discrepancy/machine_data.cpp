@@ -30,16 +30,6 @@ struct Moments {
   double deviation() const { return count > 0 ? std::sqrt(squares / static_cast<double>(count)) : 0; }
 };
 
-/// Samples of a segment at which the input has just moved and moves on: a quick change between held levels does not.
-std::size_t moving_on(const Recording& recording, const Segment& segment) {
-  const auto& u = recording.input.values;
-  std::size_t moving = 0;
-  for (std::size_t t = std::max<std::size_t>(segment.begin, 1); t + 1 < std::min(segment.end, u.size()); ++t) {
-    moving += u[t] != u[t - 1] && u[t + 1] != u[t] ? 1 : 0;
-  }
-  return moving;
-}
-
 /// The recordings with each input sample replaced by the mean over the interval that follows it.
 std::vector<Recording> with_interval_means(std::span<const Recording> recordings) {
   std::vector<Recording> changed(recordings.begin(), recordings.end());
@@ -242,23 +232,10 @@ std::vector<std::vector<std::size_t>> MachineData::all_rows() const {
   return rows;
 }
 
-bool holds_and_moves(std::span<const Recording> recordings) {
-  std::size_t steps = 0, moving = 0;
-  for (const Recording& recording : recordings) {
-    for (const Segment& segment : recording.segments) {
-      if (segment.kind == SegmentKind::kStep) ++steps;
-      if (segment.kind == SegmentKind::kRamp || segment.kind == SegmentKind::kSweep) {
-        moving += moving_on(recording, segment);
-      }
-    }
-  }
-  return steps > 0 && moving > 0;
-}
-
 MachineData machine_data(std::span<const Recording> given, double allowed_rms, std::size_t most_samples,
                          InputBetween between) {
   MachineData data;
-  data.interval_means = between == InputBetween::kMoving && holds_and_moves(given);
+  data.interval_means = between == InputBetween::kStraight && holds_and_moves(given);
   const std::vector<Recording> changed = data.interval_means ? with_interval_means(given) : std::vector<Recording>();
   const std::span<const Recording> recordings = data.interval_means ? std::span<const Recording>(changed) : given;
   Moments input, output;

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "core/recording/intersample.h"
 #include "core/recording/recording.h"
 
 namespace valvetriage {
@@ -45,14 +46,6 @@ struct MachineData {
   std::vector<std::vector<std::size_t>> all_rows() const;
 };
 
-/// What the input does from one sample to the next: it is held, or it moves on straight but for its steps.
-enum class InputBetween { kHeld, kMoving };
-
-/// Whether some of the input is held after steps and some moves on between samples: where it does not, a delay of half
-/// a sample is all the difference. A stand that reads a command and one that writes it differ in what the moving part
-/// does between its samples.
-bool holds_and_moves(std::span<const Recording> recordings);
-
 /// Thins a slow recording by whole strides as long as straight lines between the kept samples stay within
 /// `allowed_rms` of the output (in its own unit) and close to the input; what is still too long is cut into windows
 /// spread over the record, moved off where the input rests. Folds: recordings where there are three or more, windows
@@ -61,7 +54,7 @@ bool holds_and_moves(std::span<const Recording> recordings);
 /// recordings  of one sample time and at least one sample each
 /// between     counts where the input holds and moves
 MachineData machine_data(std::span<const Recording> recordings, double allowed_rms, std::size_t most_samples,
-                         InputBetween between = InputBetween::kMoving);
+                         InputBetween between = InputBetween::kStraight);
 
 /// Kept samples [begin, end) of one recording.
 struct MachineStretch {

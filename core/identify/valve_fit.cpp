@@ -276,12 +276,13 @@ Model to_model(const ValveParameters& parameters, const StaticMap& map, const Us
   model.map = map;
   model.volume = parameters.volume;
   model.volume->air_share = usual.air_share;
+  model.input_between = usual.input_between;
   if (usual.gauge_lag_s > 0) model.mechanisms.push_back({.cause = "extra_lag", .parameters = {usual.gauge_lag_s, 0}});
   return model;
 }
 
 UsualMechanisms usual_mechanisms(const Model& model) {
-  UsualMechanisms usual;
+  UsualMechanisms usual{.input_between = model.input_between};
   if (model.loop) usual.current_scale = model.loop->reach;
   if (model.loop && model.loop->shares[0] < 1) {
     const double wide = 1 - model.loop->shares[0];

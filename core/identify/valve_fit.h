@@ -60,6 +60,8 @@ struct UsualMechanisms {
   /// What the currents of these valves are to those of valves that move over 1 A or more, 0 < scale ≤ 1: the reach of
   /// the loop and every constant of a fit that is told in A go with it.
   double current_scale = 1;
+  /// What plays their commands; told by the stand, not by the valve.
+  InputBetween input_between = InputBetween::kStraight;
 };
 
 /// To the vector's first entries, logarithms taken, and back. `reference_psi` is where the time constant holds.

@@ -55,7 +55,8 @@ std::vector<double> rests_between_samples(const std::vector<double>& rests) {
 ValveFitProblem::ValveFitProblem(std::span<const Recording> recordings, const ValveFitOptions& options)
     : options_(options), knots_(static_cast<Index>(options.knots.size())), curve_(options.knots) {
   for (const Recording& recording : recordings) {
-    Prepared prepared{.recording = &recording, .input = halved(noise_free_input(recording))};
+    Prepared prepared{.recording = &recording,
+                      .input = halved(noise_free_input(recording, options.usual.input_between))};
     const double noise = noise_floor(recording).rms;
     if (noise > 0) prepared.noise_variance = noise * noise;
     prepared.inverse_variance = 1 / prepared.noise_variance;

@@ -46,7 +46,8 @@ struct Model {
   std::optional<Machine> machine;         ///< kind "machine"
   std::optional<SpoolFriction> friction;  ///< of a valve's spool; made from `mechanisms`, never stored by itself
   double input_offset = 0;                ///< unit of the input
-  double output_offset = 0;               ///< unit of the output
+  InputBetween input_between = InputBetween::kStraight;  ///< of a valve or a linear system
+  double output_offset = 0;                              ///< unit of the output
   std::vector<MechanismUse>
       mechanisms;  ///< in the order they were found; run by core/mechanisms, not by the linear core
 };

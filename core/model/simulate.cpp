@@ -399,7 +399,8 @@ std::vector<double> first_outputs(const Recording& recording, const InitialState
 }
 
 IntervalSignal model_input(const Model& model, const Recording& recording) {
-  return model.map ? noise_free_input(recording) : input_between_samples(recording);
+  return model.map ? noise_free_input(recording, model.input_between)
+                   : input_between_samples(recording, model.input_between);
 }
 
 Result<std::vector<double>> simulate(const Model& model, const IntervalSignal& input, double sample_period_s,

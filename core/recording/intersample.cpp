@@ -34,9 +34,19 @@ std::vector<std::size_t> stretches(const Recording& recording) {
   return begins;
 }
 
-IntervalSignal between_samples(const Recording& recording, const std::vector<double>& u) {
+/// Samples of a segment at which the input has just moved and moves on: a quick change between held levels does not.
+std::size_t moving_on(const Recording& recording, const Segment& segment) {
+  const auto& u = recording.input.values;
+  std::size_t moving = 0;
+  for (std::size_t t = std::max<std::size_t>(segment.begin, 1); t + 1 < std::min(segment.end, u.size()); ++t) {
+    moving += u[t] != u[t - 1] && u[t + 1] != u[t] ? 1 : 0;
+  }
+  return moving;
+}
+
+IntervalSignal between_samples(const Recording& recording, const std::vector<double>& u, InputBetween between) {
   IntervalSignal signal{.start = u, .end = u};
-  for (std::size_t i = 0; i + 1 < u.size(); ++i) signal.end[i] = u[i + 1];
+  for (std::size_t i = 0; between == InputBetween::kStraight && i + 1 < u.size(); ++i) signal.end[i] = u[i + 1];
   for (const Segment& segment : recording.segments) {
     if (segment.begins_with_jump() && segment.begin > 0) {
       signal.end[segment.begin - 1] = signal.start[segment.begin - 1];
@@ -52,8 +62,21 @@ IntervalSignal between_samples(const Recording& recording, const std::vector<dou
 
 }  // namespace
 
-IntervalSignal input_between_samples(const Recording& recording) {
-  return between_samples(recording, recording.input.values);
+bool holds_and_moves(std::span<const Recording> recordings) {
+  std::size_t steps = 0, moving = 0;
+  for (const Recording& recording : recordings) {
+    for (const Segment& segment : recording.segments) {
+      if (segment.kind == SegmentKind::kStep) ++steps;
+      if (segment.kind == SegmentKind::kRamp || segment.kind == SegmentKind::kSweep) {
+        moving += moving_on(recording, segment);
+      }
+    }
+  }
+  return steps > 0 && moving > 0;
+}
+
+IntervalSignal input_between_samples(const Recording& recording, InputBetween between) {
+  return between_samples(recording, recording.input.values, between);
 }
 
 IntervalSignal halved(const IntervalSignal& signal) {
@@ -76,14 +99,14 @@ std::vector<double> at_samples(const std::vector<double>& halves) {
   return samples;
 }
 
-IntervalSignal noise_free_input(const Recording& recording) {
+IntervalSignal noise_free_input(const Recording& recording, InputBetween between) {
   const std::vector<double>& noise = recording.input_noise.values;
   if (noise.empty()) {
-    return between_samples(recording, without_white_noise(recording.input.values, stretches(recording)));
+    return between_samples(recording, without_white_noise(recording.input.values, stretches(recording)), between);
   }
   std::vector<double> u = recording.input.values;
   for (std::size_t i = 0; i < u.size(); ++i) u[i] -= noise[i];
-  IntervalSignal signal = between_samples(recording, u);
+  IntervalSignal signal = between_samples(recording, u, between);
   signal.noise = recording.input_noise.left;
   return signal;
 }

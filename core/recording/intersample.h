@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cstdint>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "core/recording/recording.h"
@@ -16,14 +18,22 @@ struct IntervalSignal {
   std::optional<double> noise = std::nullopt;
 };
 
-/// The input between its samples: a step command is held until the sample at which it first has its new value,
-/// everything else is linear. Half a sample of error here is 8 times the noise at a step edge.
-IntervalSignal input_between_samples(const Recording& recording);
+/// What the input does from one sample to the next. Its steps are held until the sample at which it first has its new
+/// value; all else goes straight, or is held as well, as what plays a command sample by sample leaves it. Half a sample
+/// of error here is 8 times the noise at a step edge.
+enum class InputBetween : std::uint8_t { kStraight, kHeld };
+
+/// Whether some of the input is held after steps and some moves on from sample to sample: where it does not, a delay of
+/// half a sample is all that straight and held differ by.
+bool holds_and_moves(std::span<const Recording> recordings);
+
+/// The input between its samples.
+IntervalSignal input_between_samples(const Recording& recording, InputBetween between = InputBetween::kStraight);
 
 /// The same without the white noise of the input's own measurement, which the machine never saw (white_noise.h). It
 /// does little through lags, but walks through every memory (a play, a loop) on a hold and eats its width. No window
 /// reaches across a step.
-IntervalSignal noise_free_input(const Recording& recording);
+IntervalSignal noise_free_input(const Recording& recording, InputBetween between = InputBetween::kStraight);
 
 /// The same signal with every interval cut in half, for what is run at half the sampling period. The noise in it is the
 /// one that the samples showed.

@@ -434,6 +434,7 @@ static double asked_for(valvetriage_model *m, double input, int is_step) {
 
 double valvetriage_step(valvetriage_model *m, double input, int is_step, double side) {
   double y, steady;
+  if (IS_HELD) is_step = 1;
   if (m->samples == 0) {
     steady = asked_for(m, input, is_step);
     m->pressure = volume_settled(steady);
@@ -509,7 +510,7 @@ Result<std::string> to_c(const Model& given, double sample_period_s) {
   }
   const FilterState rest = filter->steady(1.0).value_or(filter->rest());
   const double gain = model->map ? 1 : static_gain(model->dynamics);
-  const bool is_valve = model->map.has_value();
+  const bool is_valve = model->map.has_value(), is_held = model->input_between == InputBetween::kHeld;
   const double low_a = is_valve ? model->map->input.front() : given.input_offset;
   const double high_a = is_valve ? model->map->input.back() : given.input_offset;
   const double rise = is_valve ? model->map->output.back() - model->map->output.front() : 0;
@@ -518,13 +519,16 @@ Result<std::string> to_c(const Model& given, double sample_period_s) {
       c_head({.title = is_valve ? "Simulation of a valve." : "Simulation of a linear machine.",
               .sample_period_s = sample_period_s,
               .input_unit = given.input_unit,
-              .is_step = "1 where the command was held until this sample and jumped here, 0 where it went straight",
+              .is_step = is_held ? "does not count: the command is held between all of its samples"
+                                 : "1 where the command was held until this sample and jumped here, 0 where it went "
+                                   "straight",
               .side = "deviation of the side channel from its mean; 0 where the model has none",
               .input_noise = "is the standard deviation of the noise on\n * the input, 0 for a command",
               .more = ""});
-  text += c_define("T", sample_period_s) + c_define("H", inner_period_s) +
-          fmt::format("#define HAS_VOLUME {}\n#define ORDER {}\n#define COLUMNS {}\n#define DELAY {}\n",
-                      model->volume ? 1 : 0, filter->order(), chain.input.cols(), filter->delay_samples());
+  text +=
+      c_define("T", sample_period_s) + c_define("H", inner_period_s) +
+      fmt::format("#define HAS_VOLUME {}\n#define IS_HELD {}\n#define ORDER {}\n#define COLUMNS {}\n#define DELAY {}\n",
+                  model->volume ? 1 : 0, is_held ? 1 : 0, filter->order(), chain.input.cols(), filter->delay_samples());
   text += c_define("INPUT_OFFSET", given.input_offset) + c_define("OUTPUT_OFFSET", given.output_offset);
   text += c_define("R", std::abs(rise)) + c_define("MIDDLE", 0.5 * (low_a + high_a)) + c_define("REST", low_a) +
           c_define("SECANT", is_valve ? rise / (high_a - low_a) : gain);

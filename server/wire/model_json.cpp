@@ -289,6 +289,7 @@ Json to_json(const Model& model) {
             {"volume", volume},
             {"input_offset", model.input_offset},
             {"output_offset", model.output_offset}};
+  if (model.input_between == InputBetween::kHeld) json["input_between"] = "held";
   if (model.machine) json["machine"] = to_json(*model.machine);
   if (!model.mechanisms.empty()) {
     Json& mechanisms = json["mechanisms"] = Json::array();
@@ -312,6 +313,11 @@ Model model_from_json(JsonFields fields) {
   model.dynamics = transfer_function_from_json(fields.object("transfer_function"));
   model.input_offset = fields.number_or("input_offset", 0);
   model.output_offset = fields.number_or("output_offset", 0);
+  const std::string between = fields.text_or("input_between", "straight");
+  model.input_between = between == "held" ? InputBetween::kHeld : InputBetween::kStraight;
+  if (between != "held" && between != "straight") {
+    fields.refuse("input_between", "unknown_value", "expected \"straight\" or \"held\"");
+  }
   if (fields.has("machine")) model.machine = machine_from_json(fields.object("machine"));
   if (model.kind == "machine" && !model.machine) {
     fields.refuse("machine", "missing_field", "a machine needs its blocks");

@@ -228,6 +228,22 @@ TEST(LearnReference, FindsTheAirInTheFluidThatGoodValvesShare) {
   EXPECT_NEAR(usual_mechanisms(reference->model).air_share, 0.03, 0.006);
 }
 
+TEST(LearnReference, FindsThatCommandsAreHeldBetweenTheirSamples) {
+  EXPECT_EQ(eight().model.input_between, InputBetween::kStraight);
+  std::vector<ValveRecordings> good;
+  for (unsigned i = 0; i < 3; ++i) {
+    test::MadeValve valve{.scale = 1 + 0.01 * i};
+    valve.usual.input_between = InputBetween::kHeld;
+    good.push_back({"GOOD-" + std::to_string(i + 1), test::session(valve, kNoise_psi, 700 + 10 * i)});
+    good.back().recordings.push_back(test::sweep(valve, kNoise_psi, 705 + 10 * i));
+  }
+  const auto reference = learn_reference(good, "type-1");
+  ASSERT_TRUE(reference.has_value()) << reference.error().message;
+  EXPECT_EQ(reference->model.input_between, InputBetween::kHeld);
+  EXPECT_NEAR(reference->parameters[2].mean, 0.0072, 0.0003);
+  EXPECT_NEAR(reference->noise_floor, kNoise_psi, 0.03 * kNoise_psi);
+}
+
 TEST(LearnReference, FindsNoAirWhereThereIsNone) {
   const auto reference = learn_reference(airy_valves(0), "type-1");
   ASSERT_TRUE(reference);

@@ -21,9 +21,9 @@ struct MadeValve {
       .loop_width_a = 0.0045,
       .volume = {.time_constant_s = 0.06, .exponent = 0.5, .supply_psi = 480, .reference_psi = 105},
       .narrow_loop_width_a = 0.0015};
-  double scale = 1;    ///< of the map
-  double current = 1;  ///< of all currents, the loop's too: at 0.1 a valve of 100 to 220 mA
-  UsualMechanisms usual;
+  double scale = 1;       ///< of the map
+  double current = 1;     ///< of all currents, the loop's too: at 0.1 a valve of 100 to 220 mA
+  UsualMechanisms usual;  ///< and how its commands are played
 
   double map(double current_a) const {
     const double x = std::clamp((current_a / current - 1.0) / 1.2, 0.0, 1.0);
@@ -66,7 +66,7 @@ inline Recording played(const MadeValve& valve, TestKind test, const std::vector
   recording.output.values.resize(current.size());
   for (std::size_t i = 0; i < current.size(); ++i) recording.time_s.push_back(static_cast<double>(i) * 0.005);
   std::vector<double>& y = recording.output.values;
-  y = pressure_of(valve, input_between_samples(recording), 0.005);
+  y = pressure_of(valve, input_between_samples(recording, valve.usual.input_between), 0.005);
   std::mt19937 random(seed);
   std::normal_distribution<double> normal;
   for (double& sample : y) sample += noise * normal(random);

@@ -50,6 +50,15 @@ double slow_sine(std::size_t i) {
   return 1.5 + 0.2 * std::sin(2 * std::numbers::pi * static_cast<double>(i) * 0.005);
 }
 
+TEST(InputBetweenSamples, OfAHeldCommandStaysWhereEachSampleHasIt) {
+  const Recording recording = recording_of(triangle, 0);
+  const IntervalSignal held_on = input_between_samples(recording, InputBetween::kHeld);
+  EXPECT_EQ(held_on.start, recording.input.values);
+  EXPECT_EQ(held_on.end, held_on.start);
+  EXPECT_EQ(noise_free_input(recording, InputBetween::kHeld).end, held_on.end);
+  EXPECT_EQ(input_between_samples(recording).end[0], recording.input.values[1]);
+}
+
 TEST(NoiseFreeInput, OfACleanLogIsTheLogToTheLastBit) {
   for (const auto& command : {std::function(held), std::function(sine)}) {
     const Recording recording = recording_of(command, 0, {2000});

@@ -96,6 +96,7 @@ inline Model model(bool with_map) {
   m.dynamics = transfer_function();
   m.input_offset = number();
   m.output_offset = number();
+  if (small(0, 1)) m.input_between = InputBetween::kHeld;
   for (const Mechanism* law : all_mechanisms()) {
     if (small(0, 9) > 0) continue;
     const auto parameters = law->as_written(numbers(law->parameters.size()), m.volume);

@@ -88,6 +88,12 @@ TEST(ModelC, ALoopOfAnotherReachIsTheSimulation) {
   expect_same(model);
 }
 
+TEST(ModelC, AValveWhoseCommandIsHeldBetweenSamplesIsTheSimulation) {
+  Model model = valve();
+  model.input_between = InputBetween::kHeld;
+  expect_same(model);
+}
+
 TEST(ModelC, ALinearMachineIsTheSimulation) {
   expect_same(machine());
   Model discrete;
