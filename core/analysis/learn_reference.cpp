@@ -9,6 +9,7 @@
 #include <map>
 #include <set>
 #include <string_view>
+#include <utility>
 
 #include "core/analysis/part_to_fit.h"
 #include "core/analysis/usual_mechanisms.h"
@@ -327,14 +328,32 @@ Result<ValveFitOptions> common_options(std::span<const ValveRecordings> valves) 
   return options;
 }
 
-/// Every valve fitted, those that are unlike the others left out.
+/// The middle one of what each parameter is in some fits.
+ValveParameters middle_of(const std::vector<const Member*>& members, const ValveFitOptions& options) {
+  VectorXd middle(kParameters);
+  for (Index j = 0; j < kParameters; ++j) {
+    std::vector<double> values;
+    for (const Member* member : members) values.push_back(member->vector(j));
+    middle(j) = boost::math::statistics::median(values);
+  }
+  return to_parameters(middle, options.reference_psi, options.usual);
+}
+
+/// Every valve fitted, those that are unlike the others left out. `before` are earlier fits of the same valves: one
+/// that is led astray by the start that all have in common is also tried from its own end.
 Result<std::vector<Member>> fit_members(std::span<const ValveRecordings> valves, ValveFitOptions options,
-                                        const StageReport& report) {
+                                        std::span<const Member> before, const StageReport& report) {
   std::vector<Member> members;
   for (const ValveRecordings& valve : valves) {
     report_valve(report, "fitting", valve, members.size(), valves.size());
     auto fit = fit_member(valve, options);
     if (!fit) return tl::unexpected(fit.error());
+    if (!before.empty()) {
+      ValveFitOptions from_own_end = options;
+      from_own_end.start = before[members.size()].fit.parameters;
+      auto other = fit_member(valve, from_own_end);
+      if (other && other->rmse < fit->rmse) fit = std::move(other);
+    }
     Member member{.valve = &valve, .fit = std::move(*fit)};
     member.vector = member.fit.vector.head(kParameters + static_cast<Index>(member.fit.map.output.size()));
     if (!options.start) options.start = member.fit.parameters;
@@ -344,23 +363,49 @@ Result<std::vector<Member>> fit_members(std::span<const ValveRecordings> valves,
   return members;
 }
 
-/// Whether what plays the commands holds them between their samples: good valves' own fits are closer then. A stand
-/// that holds and a simulation that goes straight differ by half a sample on every ramp and by nothing on steps, which
-/// no delay follows.
-Result<InputBetween> input_between(std::span<const ValveRecordings> valves, ValveFitOptions options) {
-  constexpr std::size_t kAsked = 2;
-  constexpr double kCloser = 1.01;
-  double log_ratio = 0;
-  for (const ValveRecordings& valve : valves.first(std::min(kAsked, valves.size()))) {
-    if (!holds_and_moves(valve.recordings)) continue;
-    for (const InputBetween between : {InputBetween::kStraight, InputBetween::kHeld}) {
-      options.usual.input_between = between;
-      const auto fit = fit_member(valve, options);
-      if (!fit) return tl::unexpected(fit.error());
-      log_ratio += (between == InputBetween::kStraight ? 1 : -1) * std::log(std::max(fit->rmse, 1e-12));
-    }
+/// ln of the rms that valves' own fits leave, the mean of a few of them.
+Result<double> log_left(std::span<const ValveRecordings> valves, const ValveFitOptions& options) {
+  double sum = 0;
+  for (const ValveRecordings& valve : valves) {
+    const auto fit = fit_member(valve, options);
+    if (!fit) return tl::unexpected(fit.error());
+    sum += std::log(std::max(fit->rmse, 1e-12));
   }
-  return log_ratio > std::log(kCloser) ? InputBetween::kHeld : InputBetween::kStraight;
+  return sum / static_cast<double>(valves.size());
+}
+
+/// How these valves' simulation is put together, by what leaves least of them:
+/// - whether their commands are held between samples: a stand that holds and a simulation that goes straight differ by
+///   half a sample on every ramp and by nothing on steps, which no delay follows;
+/// - whether their second-order dynamics stand ahead of the map or behind it: an overshoot behind the map is as large
+///   in shares of every step, one ahead of it goes with the map's slope.
+Result<UsualMechanisms> arrangement(std::span<const ValveRecordings> valves, ValveFitOptions options) {
+  constexpr std::size_t kAsked = 2;
+  const double closer = std::log(1.005);
+  constexpr double kPromptInSamples = 8;
+  const auto asked = valves.first(std::min(kAsked, valves.size()));
+  auto left = log_left(asked, options);
+  if (!left) return tl::unexpected(left.error());
+  const auto choose = [&](const UsualMechanisms& other) -> Result<void> {
+    const UsualMechanisms before = std::exchange(options.usual, other);
+    const auto there = log_left(asked, options);
+    if (!there) return tl::unexpected(there.error());
+    if (*left - *there > closer) {
+      left = there;
+    } else {
+      options.usual = before;
+    }
+    return {};
+  };
+  UsualMechanisms other = options.usual;
+  if (std::any_of(asked.begin(), asked.end(), [](const auto& valve) { return holds_and_moves(valve.recordings); })) {
+    other.input_between = InputBetween::kHeld;
+    if (const auto chosen = choose(other); !chosen) return tl::unexpected(chosen.error());
+  }
+  other = options.usual;
+  other.prompt_spool_rad_s = kPromptInSamples / valves.front().recordings.front().sample_period_s;
+  if (const auto chosen = choose(other); !chosen) return tl::unexpected(chosen.error());
+  return options.usual;
 }
 
 Result<Reference> learn_with(const std::vector<Member>& members, const std::string& valve_type,
@@ -432,20 +477,20 @@ Result<Reference> learn_reference(std::span<const ValveRecordings> given, const 
   auto options = common_options(valves);
   if (!options) return tl::unexpected(options.error());
 
-  const auto between = input_between(valves, *options);
-  if (!between) return tl::unexpected(between.error());
-  options->usual.input_between = *between;
+  const auto arranged = arrangement(valves, *options);
+  if (!arranged) return tl::unexpected(arranged.error());
+  options->usual = *arranged;
 
   // What they have in common is learned from those that are alike.
-  const auto first = fit_members(valves, *options, report_part(report, 0, kFitted));
+  const auto first = fit_members(valves, *options, {}, report_part(report, 0, kFitted));
   if (!first) return tl::unexpected(first.error());
   const auto alike = used_members(*first);
-  options->start = alike.front()->fit.parameters;
+  options->start = middle_of(alike, *options);
   report_stage(report, kFitted, "learning what they have in common");
   const auto usual = learn_usual_mechanisms(recordings_of(alike), *options);
   if (!usual) return tl::unexpected(usual.error());
   options->usual = *usual;
-  const auto members = fit_members(valves, *options, report_part(report, kUsualLearned, kFittedAgain));
+  const auto members = fit_members(valves, *options, *first, report_part(report, kUsualLearned, kFittedAgain));
   if (!members) return tl::unexpected(members.error());
   return learn_with(*members, valve_type, *options, report_part(report, kFittedAgain, 1));
 }

@@ -12,7 +12,7 @@ namespace {
 std::optional<ValveParameters> parameters_of(const Model& model) {
   const auto spool = to_valve_dynamics(model.dynamics);
   if (model.kind != "valve" || !spool || !model.loop || !model.volume || !model.map) return std::nullopt;
-  ValveParameters parameters{.spool = *spool, .volume = *model.volume};
+  ValveParameters parameters{.spool = *spool, .volume = *model.volume, .mode = mode_behind(model)};
   parameters.narrow_loop_width_a = model.loop->width_a * model.loop->shares[0];
   parameters.loop_width_a = model.loop->width_a - parameters.narrow_loop_width_a;
   return parameters;

@@ -39,11 +39,11 @@ VectorXd vector_of(const UsualMechanisms& usual) {
 
 UsualMechanisms usual_of(const VectorXd& u, const UsualMechanisms& beside) {
   const double last = std::max(0.0, 1 - u(kSecondShare) - u(kThirdShare));  // the others may make up 1 to rounding
-  return {.gauge_lag_s = u(kGauge),
-          .air_share = u(kAir),
-          .loop_shares = {0, u(kSecondShare), u(kThirdShare), last},
-          .current_scale = beside.current_scale,
-          .input_between = beside.input_between};
+  UsualMechanisms usual = beside;
+  usual.gauge_lag_s = u(kGauge);
+  usual.air_share = u(kAir);
+  usual.loop_shares = {0, u(kSecondShare), u(kThirdShare), last};
+  return usual;
 }
 
 constexpr std::array<Index, 2> kShares{kSecondShare, kThirdShare};

@@ -19,7 +19,7 @@ constexpr double kFewMoves = 0.2;
 double answer_s(const Explanation& explanation) {
   const ValveFitOptions& options = *explanation.options;
   const ValveParameters valve = to_parameters(explanation.v, options.reference_psi, options.usual);
-  return valve.spool.delay_s + 1 / valve.spool.natural_frequency_rad_s + valve.volume.time_constant_s;
+  return valve.spool.delay_s + 1 / valve.spool.natural_frequency_rad_s + valve.lag_behind_map_s();
 }
 
 }  // namespace

@@ -61,7 +61,7 @@ std::vector<double> spool_rests(const Recording& recording, const ValveParameter
   const double nowhere = std::numeric_limits<double>::quiet_NaN();
   const auto samples = static_cast<std::ptrdiff_t>(recording.samples());
   std::vector<double> rests(recording.samples(), nowhere);
-  const SteadyPressure steady(recording, valve.volume.time_constant_s + gauge_lag_s, noise_psi);
+  const SteadyPressure steady(recording, valve.lag_behind_map_s() + gauge_lag_s, noise_psi);
   const double secant = (map.output.back() - map.output.front()) / (map.input.back() - map.input.front());
 
   const auto close = [&](std::ptrdiff_t first, std::ptrdiff_t end, double mean_psi) {

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "core/identify/valve_fit_problem.h"
 #include "core/linear_algebra/solve.h"
@@ -29,6 +30,16 @@ constexpr double kNarrower = 5;
 // A fit gains no more than this many times what its linear model forecasts.
 constexpr double kMostOverForecast = 3;
 
+/// A valve's second-order dynamics where they stand in valves of its type.
+ValveParameters with_dynamics(const Mode& dynamics, double delay_s, const UsualMechanisms& usual) {
+  if (usual.prompt_spool_rad_s > 0) {
+    return {.spool = {.delay_s = delay_s, .natural_frequency_rad_s = usual.prompt_spool_rad_s}, .mode = dynamics};
+  }
+  return {.spool = {.delay_s = delay_s,
+                    .natural_frequency_rad_s = dynamics.natural_frequency_rad_s,
+                    .damping_ratio = dynamics.damping_ratio}};
+}
+
 /// Where the search begins: the population's mean, a given point, or a fan of speeds.
 std::vector<ValveParameters> starting_points(const ValveFitOptions& options, std::span<const Recording> recordings) {
   if (options.prior) return {to_parameters(options.prior->mean, options.reference_psi, options.usual)};
@@ -36,8 +47,8 @@ std::vector<ValveParameters> starting_points(const ValveFitOptions& options, std
   const double period = recordings.front().sample_period_s;
   std::vector<ValveParameters> fan;
   for (const double samples : {4.0, 12.0, 40.0}) {
-    ValveParameters start;
-    start.spool = {.delay_s = period, .natural_frequency_rad_s = 4.0 / (samples * period), .damping_ratio = 1.0};
+    ValveParameters start = with_dynamics({.natural_frequency_rad_s = 4.0 / (samples * period), .damping_ratio = 1.0},
+                                          period, options.usual);
     start.loop_width_a = 0.002 * options.usual.current_scale;
     start.narrow_loop_width_a = 0.001 * options.usual.current_scale;
     start.volume = {.time_constant_s = samples * period, .exponent = 0.6, .supply_psi = 5 * options.reference_psi};
@@ -165,22 +176,25 @@ ValvePrior population_prior(VectorXd mean, MatrixXd covariance, double valves) {
 }
 
 VectorXd to_vector(const ValveParameters& parameters) {
+  const Mode dynamics =
+      parameters.mode.value_or(Mode{parameters.spool.natural_frequency_rad_s, parameters.spool.damping_ratio});
   VectorXd v(static_cast<Index>(kValveParameters.size()));
-  v << std::log(parameters.spool.natural_frequency_rad_s), std::log(parameters.spool.damping_ratio),
-      parameters.spool.delay_s, parameters.loop_width_a, std::log(parameters.volume.time_constant_s),
-      parameters.volume.exponent, std::log(parameters.volume.supply_psi), parameters.narrow_loop_width_a;
+  v << std::log(dynamics.natural_frequency_rad_s), std::log(dynamics.damping_ratio), parameters.spool.delay_s,
+      parameters.loop_width_a, std::log(parameters.volume.time_constant_s), parameters.volume.exponent,
+      std::log(parameters.volume.supply_psi), parameters.narrow_loop_width_a;
   return v;
 }
 
 ValveParameters to_parameters(const VectorXd& v, double reference_psi, const UsualMechanisms& usual) {
-  return {.spool = {.delay_s = v(2), .natural_frequency_rad_s = std::exp(v(0)), .damping_ratio = std::exp(v(1))},
-          .loop_width_a = v(3),
-          .volume = {.time_constant_s = std::exp(v(4)),
-                     .exponent = v(5),
-                     .supply_psi = std::exp(v(6)),
-                     .reference_psi = reference_psi,
-                     .air_share = usual.air_share},
-          .narrow_loop_width_a = v(7)};
+  ValveParameters parameters = with_dynamics({std::exp(v(0)), std::exp(v(1))}, v(2), usual);
+  parameters.loop_width_a = v(3);
+  parameters.narrow_loop_width_a = v(7);
+  parameters.volume = {.time_constant_s = std::exp(v(4)),
+                       .exponent = v(5),
+                       .supply_psi = std::exp(v(6)),
+                       .reference_psi = reference_psi,
+                       .air_share = usual.air_share};
+  return parameters;
 }
 
 void InputSpan::widen(std::span<const Recording> recordings) {
@@ -266,6 +280,15 @@ MagneticLoop loop_of(const ValveParameters& parameters, const UsualMechanisms& u
   return loop;
 }
 
+namespace {
+
+MechanismUse as_mechanism(const Mode& mode) {
+  const double frequency_hz = mode.natural_frequency_rad_s / (2 * std::numbers::pi);
+  return {.cause = "resonance", .parameters = {frequency_hz, mode.damping_ratio}};
+}
+
+}  // namespace
+
 Model to_model(const ValveParameters& parameters, const StaticMap& map, const UsualMechanisms& usual) {
   Model model;
   model.kind = "valve";
@@ -277,6 +300,7 @@ Model to_model(const ValveParameters& parameters, const StaticMap& map, const Us
   model.volume = parameters.volume;
   model.volume->air_share = usual.air_share;
   model.input_between = usual.input_between;
+  if (parameters.mode) model.mechanisms.push_back(as_mechanism(*parameters.mode));
   if (usual.gauge_lag_s > 0) model.mechanisms.push_back({.cause = "extra_lag", .parameters = {usual.gauge_lag_s, 0}});
   return model;
 }
@@ -288,10 +312,20 @@ UsualMechanisms usual_mechanisms(const Model& model) {
     const double wide = 1 - model.loop->shares[0];
     for (std::size_t k = 1; k < usual.loop_shares.size(); ++k) usual.loop_shares[k] = model.loop->shares[k] / wide;
   }
-  const bool has_gauge = !model.mechanisms.empty() && model.mechanisms.front().cause == "extra_lag";
   if (model.volume) usual.air_share = model.volume->air_share;
-  if (has_gauge) usual.gauge_lag_s = model.mechanisms.front().parameters.front();
+  if (const auto spool = to_valve_dynamics(model.dynamics); spool && mode_behind(model)) {
+    usual.prompt_spool_rad_s = spool->natural_frequency_rad_s;
+  }
+  const std::size_t gauge = usual.prompt_spool_rad_s > 0 ? 1 : 0;
+  const bool has_gauge = model.mechanisms.size() > gauge && model.mechanisms[gauge].cause == "extra_lag";
+  if (has_gauge) usual.gauge_lag_s = model.mechanisms[gauge].parameters.front();
   return usual;
+}
+
+std::optional<Mode> mode_behind(const Model& model) {
+  if (model.mechanisms.empty() || model.mechanisms.front().cause != "resonance") return std::nullopt;
+  const std::vector<double>& parameters = model.mechanisms.front().parameters;
+  return Mode{2 * std::numbers::pi * parameters[0], parameters[1]};
 }
 
 }  // namespace valvetriage

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "core/mechanisms/mechanism.h"
+#include "core/model/mode.h"
 #include "core/model/model.h"
 #include "core/model/valve_dynamics.h"
 #include "core/recording/recording.h"
@@ -22,6 +23,14 @@ struct ValveParameters {
   double loop_width_a = 0;         ///< magnetic loop, ≥ 0 [A]
   OrificeVolume volume;            ///< time constant, flow exponent, supply pressure
   double narrow_loop_width_a = 0;  ///< what dry friction of a good spool adds to it at small reversals, ≥ 0 [A]
+  /// Behind the volume, where the spool is prompt (UsualMechanisms::prompt_spool_rad_s): the natural frequency and the
+  /// damping are its own then.
+  std::optional<Mode> mode;
+
+  /// By how much a pressure follows what the map asks for, of slow changes [s].
+  double lag_behind_map_s() const {
+    return volume.time_constant_s + (mode ? 2 * mode->damping_ratio / mode->natural_frequency_rad_s : 0);
+  }
 };
 
 /// One entry of the parameter vector.
@@ -54,7 +63,10 @@ ValvePrior population_prior(Eigen::VectorXd mean, Eigen::MatrixXd covariance, do
 /// fitted. Nothing by default.
 struct UsualMechanisms {
   double gauge_lag_s = 0;  ///< first-order lag of the gauge, ≥ 0 [s]
-  double air_share = 0;    ///< of the volume's capacity at the reference pressure, ≥ 0
+  /// 0: the second-order dynamics are the spool's, ahead of the map. Else the spool is critically damped, this fast and
+  /// the same in all, and the dynamics are a mode of what fills behind the map: the order of Hammerstein's models.
+  double prompt_spool_rad_s = 0;
+  double air_share = 0;  ///< of the volume's capacity at the reference pressure, ≥ 0
   /// Shape of the magnetic loop: how its width is shared, without the narrowest, which is a parameter of each valve.
   MagneticLoop::Shares loop_shares{0, 1.0 / 3, 1.0 / 3, 1.0 / 3};
   /// What the currents of these valves are to those of valves that move over 1 A or more, 0 < scale ≤ 1: the reach of
@@ -114,11 +126,11 @@ struct ValveFit {
 
 /// Free-run (output-error) least squares of all parameters and the map together.
 ///
-///   u → magnetic loop → delay, spool → map → volume → gauge → y + noise         (Model, kind "valve")
+///   u → magnetic loop → delay, spool → map → volume, mode → gauge → y + noise         (Model, kind "valve")
 ///
-/// Estimated with them, per recording: two states of the spool, the volume's pressure and the loop's memory at its
-/// start. The residual of each recording is weighted by its noise floor. Small changes are carried through the volume
-/// by its tangent, so a knot costs one multiplication per sample. Gauss-Newton with Levenberg's damping, several
+/// Estimated with them, per recording: two states of the spool or the mode, the volume's pressure and the loop's memory
+/// at its start. The residual of each recording is weighted by its noise floor. Small changes are carried through the
+/// volume by its tangent, so a knot costs one multiplication per sample. Gauss-Newton with Levenberg's damping, several
 /// starts. The map is made monotone at the end (pool adjacent violators). Samples that are not valid take no part.
 ///
 /// Without a prior the exponent prefers 0.6 ± 0.25 (turbulent 1/2 to laminar 1) and the supply 2.5 times the largest
@@ -146,11 +158,13 @@ Result<std::vector<double>> map_knots(const InputSpan& span);
 /// Half of the largest output of the recordings, where a volume's time constant is quoted [psi].
 double reference_pressure(std::span<const Recording> recordings);
 
-/// Parameters and map as a Model: kind "valve", dynamics in the s domain; the gauge as an `extra_lag`, first among its
-/// mechanisms, where it has a lag.
+/// Parameters and map as a Model: kind "valve", dynamics in the s domain; first among its mechanisms a mode behind the
+/// volume as a `resonance` and the gauge as an `extra_lag`, where it has them.
 Model to_model(const ValveParameters& parameters, const StaticMap& map, const UsualMechanisms& usual = {});
 
-/// What such a model has of them.
+/// What such a model of a good valve has of them.
 UsualMechanisms usual_mechanisms(const Model& model);
+/// The mode behind its volume, where it has one.
+std::optional<Mode> mode_behind(const Model& model);
 
 }  // namespace valvetriage

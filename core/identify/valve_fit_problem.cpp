@@ -129,6 +129,7 @@ void ValveFitProblem::set_bounds() {
 void ValveFitProblem::set_preferences() {
   spool_start_sd_a_ = kSpoolStartSd_a * options_.usual.current_scale;
   pressure_start_sd_psi_ = kPressureStartSd * options_.reference_psi;
+  mean_slope_psi_per_a_ = 2 * options_.reference_psi / (options_.knots.back() - options_.knots.front());
   if (options_.prior) {
     mean_ = options_.prior->mean;
     precision_ = inverse_of_symmetric(options_.prior->covariance);
@@ -258,7 +259,7 @@ void ValveFitProblem::follow_rests(const VectorXd& v) {
     const double noise =
         static_cast<double>(std::max<std::size_t>(recording.valid_samples(), 1)) * prepared.noise_variance;
     const double left = squared_error(r, simulate(v, r));
-    const double slow = std::max(1.0, valve.volume.time_constant_s / recording.sample_period_s);
+    const double slow = std::max(1.0, valve.lag_behind_map_s() / recording.sample_period_s);
     prepared.inverse_variance = 1 / (prepared.noise_variance * (1 + slow * std::max(0.0, left / noise - 1)));
   }
 }
@@ -407,6 +408,7 @@ std::vector<std::vector<double>> ValveFitProblem::positions(std::span<const RunA
     SampledValveDynamics::State free =
         displaced_spool(spool, (*v)(own_at(recording) + kSpoolRate), (*v)(own_at(recording) + kSpoolPosition));
     for (double& x : positions[k]) {
+      if (blocks[k].valve.mode) break;        // the start is the mode's
       if (free.squaredNorm() < 1e-24) break;  // decayed below any effect
       x += free(free.size() - 1);
       free = spool.transition().lazyProduct(free).eval();
@@ -443,11 +445,23 @@ std::vector<ValveFitProblem::Run> ValveFitProblem::runs(const VectorXd& v, std::
   run_volumes(through);
   for (std::size_t k = 0; k < runs.size(); ++k) {
     Run& run = runs[k];
-    read_behind_lag(options_.usual.gauge_lag_s, period_s(recordings[k]), run.pressure);
+    const ValveParameters valve = blocks_of(v, recordings[k]).valve;
+    if (tangents && valve.mode) run.filled = run.pressure;
+    read(valve, v, recordings[k], run.pressure);
     run.output = run.pressure;
     apply_laws(Place::kOutput, v, recordings[k], run.asked, run.output, tangents ? &run.before_output : nullptr);
   }
   return runs;
+}
+
+void ValveFitProblem::read(const ValveParameters& valve, const VectorXd& v, std::size_t recording,
+                           std::span<double> pressure) const {
+  if (valve.mode) {
+    const Index own = own_at(recording);
+    read_behind_mode(*valve.mode, period_s(recording), pressure, mean_slope_psi_per_a_ * v(own + kSpoolPosition),
+                     mean_slope_psi_per_a_ * v(own + kSpoolRate));
+  }
+  read_behind_lag(options_.usual.gauge_lag_s, period_s(recording), pressure);
 }
 
 VolumeRun ValveFitProblem::volume_run(const VectorXd& v, std::size_t recording, const OrificeVolume& volume,
@@ -525,7 +539,7 @@ std::vector<std::vector<double>> ValveFitProblem::simulate_behind_last(const Vec
   }
   run_volumes(through);
   for (const std::size_t k : behind_map) {
-    read_behind_lag(options_.usual.gauge_lag_s, period_s(recordings[k]), outputs[k]);
+    read(blocks_of(v, recordings[k]).valve, v, recordings[k], outputs[k]);
     apply_laws(Place::kOutput, v, recordings[k], at_samples(steady[k]), outputs[k], nullptr);
   }
   return outputs;
@@ -640,7 +654,8 @@ class ValveFitProblem::Columns {
         v_(v),
         recording_(recording),
         base_(problem.run(v, recording, true)),
-        used_(static_cast<std::size_t>(problem.knots_), false) {
+        used_(static_cast<std::size_t>(problem.knots_), false),
+        mode_(problem.blocks_of(v, recording).valve.mode) {
     const StaticMap map = problem.map_of(v);
     for (const double x : base_.position) {
       slope_.push_back(map.slope(x));
@@ -683,6 +698,8 @@ class ValveFitProblem::Columns {
       moved[k](entry) += step;
       if (own_entry == kPressureGap) {
         changes[k] = gap_change();
+      } else if ((own_entry == kSpoolRate || own_entry == kSpoolPosition) && mode_) {
+        changes[k] = mode_start_change(own_entry);
       } else if ((own_entry == kSpoolRate || own_entry == kSpoolPosition) && !has_position_laws()) {
         changes[k] = spool_start_change(own_entry);
       } else if (in_two_places(entry)) {
@@ -695,6 +712,8 @@ class ValveFitProblem::Columns {
           spools.push_back(k);
         } else if (!(here.valve.volume == there.valve.volume)) {
           volumes.push_back(k);
+        } else if (here.valve.mode != there.valve.mode) {
+          changes[k] = mode_change(moved[k], step);
         } else {
           changes[k] = behind_map(moved[k], step);
         }
@@ -759,6 +778,10 @@ class ValveFitProblem::Columns {
       p = tangent.keep[i] * p + tangent.begin[i] * begin + tangent.middle[i] * middle + tangent.end[i] * end;
       begin = end;
     }
+    if (mode_) {
+      ModeFilter<Value> filter(*mode_, period_s(), pressures.front());
+      for (Value& at : std::span(pressures).subspan(1)) at = filter.next(at);
+    }
     if (const double lag_s = problem_.options_.usual.gauge_lag_s; lag_s > 0) {
       GaugeLag<Value> lag(lag_s, period_s(), pressures.front());
       for (Value& at : std::span(pressures).subspan(1)) at = lag.next(at);
@@ -814,6 +837,25 @@ class ValveFitProblem::Columns {
     return change;
   }
 
+  /// The mode's own return from a start off its rest.
+  std::vector<double> mode_start_change(Index state) const {
+    std::vector<double> change(base_.pressure.size(), 0.0);
+    const double psi = problem_.mean_slope_psi_per_a_;
+    read_behind_mode(*mode_, period_s(), change, state == kSpoolPosition ? psi : 0, state == kSpoolRate ? psi : 0);
+    read_behind_lag(problem_.options_.usual.gauge_lag_s, period_s(), change);
+    problem_.output_tangents(v_, recording_, base_, change);
+    return change;
+  }
+
+  /// Another mode behind the same volume.
+  std::vector<double> mode_change(const VectorXd& w, double step) const {
+    std::vector<double> change = base_.filled;
+    problem_.read(problem_.blocks_of(w, recording_).valve, w, recording_, change);
+    for (std::size_t i = 0; i < change.size(); ++i) change[i] = (change[i] - base_.pressure[i]) / step;
+    problem_.output_tangents(v_, recording_, base_, change);
+    return change;
+  }
+
   /// A volume that starts off its steady pressure returns as its tangent does.
   std::vector<double> gap_change() const {
     std::vector<double> change(base_.pressure.size());
@@ -822,6 +864,7 @@ class ValveFitProblem::Columns {
       change[i] = p;
       p *= base_.tangent.keep[i];
     }
+    if (mode_) read_behind_mode(*mode_, period_s(), change);
     read_behind_lag(problem_.options_.usual.gauge_lag_s, period_s(), change);
     problem_.output_tangents(v_, recording_, base_, change);
     return change;
@@ -854,7 +897,7 @@ class ValveFitProblem::Columns {
     run_volumes(through);
     for (const std::size_t k : which) {
       std::vector<double>& change = changes[k];
-      read_behind_lag(problem_.options_.usual.gauge_lag_s, period_s(), change);
+      problem_.read(problem_.blocks_of(moved[k], recording_).valve, moved[k], recording_, change);
       for (std::size_t i = 0; i < change.size(); ++i) change[i] = (change[i] - base_.pressure[i]) / moves[k].step;
       problem_.output_tangents(v_, recording_, base_, change);
     }
@@ -898,6 +941,7 @@ class ValveFitProblem::Columns {
   std::vector<KnotCurve::Share> shares_;  ///< of the knots in the map at each sample
   std::vector<bool> used_;                ///< which knots have any
   bool has_steady_laws_ = false;
+  std::optional<Mode> mode_;  ///< behind the volume
 };
 
 void ValveFitProblem::output_tangents(const VectorXd& v, std::size_t recording, const Run& base,

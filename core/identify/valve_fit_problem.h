@@ -14,10 +14,10 @@ namespace valvetriage {
 
 /// The weighted least-squares problem behind fit_valve, linearised by tangents (internal to identify and discrepancy).
 ///
-///   u → magnetic loop → input laws → G → position laws → map → steady laws → volume → gauge → output laws → y
+///   u → magnetic loop → input laws → G → position laws → map → steady laws → volume, mode → gauge → output laws → y
 ///
-/// Vector: [parameters | knot outputs | shared law parameters | per recording: two spool states, pressure gap, loop
-/// memory, its own law parameters].
+/// Vector: [parameters | knot outputs | shared law parameters | per recording: two states of spool or mode, pressure
+/// gap, loop memory, its own law parameters].
 class ValveFitProblem {
  public:
   static constexpr Eigen::Index kParameters = static_cast<Eigen::Index>(kValveParameters.size());
@@ -82,7 +82,8 @@ class ValveFitProblem {
     std::vector<double> mapped;                      ///< map(x)
     std::vector<double> steady;                      ///< behind the steady laws
     std::vector<double> asked;                       ///< the same at the samples
-    std::vector<double> pressure;                    ///< behind the volume and the gauge
+    std::vector<double> filled;                      ///< behind the volume, where a mode follows it
+    std::vector<double> pressure;                    ///< behind the mode and the gauge
     std::vector<std::vector<double>> before_output;  ///< what enters each output law
     std::vector<double> output;
     VolumeTangent tangent;
@@ -170,6 +171,9 @@ class ValveFitProblem {
   double period_s(std::size_t recording) const { return prepared_[recording].recording->sample_period_s; }
   double half_period_s(std::size_t recording) const { return 0.5 * period_s(recording); }
   std::vector<Run> runs(const Eigen::VectorXd& v, std::span<const std::size_t> recordings, bool tangents) const;
+  /// What is read of a pressure behind the volume: the mode from where v has it at the start, then the gauge.
+  void read(const ValveParameters& valve, const Eigen::VectorXd& v, std::size_t recording,
+            std::span<double> pressure) const;
   VolumeRun volume_run(const Eigen::VectorXd& v, std::size_t recording, const OrificeVolume& volume,
                        std::span<const double> steady, std::span<double> pressure) const;
   /// visit(knot, output) of every valid sample, with the knot nearest to its input.
@@ -210,6 +214,7 @@ class ValveFitProblem {
   Eigen::Index law_parameters_ = 0;
   Eigen::Index own_ = kStarts;
   double spool_start_sd_a_ = 0, pressure_start_sd_psi_ = 0;
+  double mean_slope_psi_per_a_ = 0;                ///< of the map, roughly: what a start of a mode in A is in psi
   std::vector<Eigen::Index> law_at_, law_own_at_;  ///< first shared entry of each law; first own one behind own_at()
   Eigen::VectorXd lower_, upper_, step_;
   Eigen::MatrixXd precision_;  ///< of the prior, baseline_size() square

@@ -244,6 +244,21 @@ TEST(LearnReference, FindsThatCommandsAreHeldBetweenTheirSamples) {
   EXPECT_NEAR(reference->noise_floor, kNoise_psi, 0.03 * kNoise_psi);
 }
 
+TEST(LearnReference, FindsThatTheDynamicsOfGoodValvesFollowTheirMap) {
+  EXPECT_EQ(usual_mechanisms(eight().model).prompt_spool_rad_s, 0);
+  std::vector<ValveRecordings> good;
+  for (unsigned i = 0; i < 3; ++i) {
+    test::MadeValve valve = test::with_a_mode({40 * (1 + 0.02 * i), 0.6});
+    good.push_back({"GOOD-" + std::to_string(i + 1), test::session(valve, kNoise_psi, 700 + 10 * i)});
+  }
+  const auto reference = learn_reference(good, "type-1");
+  ASSERT_TRUE(reference.has_value()) << reference.error().message;
+  EXPECT_GT(usual_mechanisms(reference->model).prompt_spool_rad_s, 0);
+  EXPECT_NEAR(std::exp(reference->parameters[0].mean), 40 * 1.02, 1);
+  EXPECT_NEAR(std::exp(reference->parameters[1].mean), 0.6, 0.03);
+  for (const auto& member : reference->members) EXPECT_NEAR(member.rmse, kNoise_psi, 0.04 * kNoise_psi);
+}
+
 TEST(LearnReference, FindsNoAirWhereThereIsNone) {
   const auto reference = learn_reference(airy_valves(0), "type-1");
   ASSERT_TRUE(reference);

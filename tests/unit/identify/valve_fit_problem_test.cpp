@@ -74,6 +74,62 @@ INSTANTIATE_TEST_SUITE_P(Places, ValveFitProblemWith,
                            return std::string(put_in.param.cause) + std::to_string(put_in.index);
                          });
 
+TEST(ValveFitProblem, RunsFromItsLastLawOnAsFromTheStartBehindAMode) {
+  const test::MadeValve valve = test::with_a_mode();
+  const auto recordings = test::session(valve, 0.35, 11);
+  ValveFitOptions options = options_at_105_psi(recordings);
+  options.usual = valve.usual;
+  ValveFitOptions wider = options;
+  const Mechanism& law = *find_mechanism("leakage");
+  wider.laws.push_back({.law = &law, .start = {0.2}, .lower = {0}, .upper = {0.9}, .step = {1e-4}});
+  const ValveFitProblem without(recordings, options), with(without, wider);
+  const Eigen::VectorXd v = without.start_vector(valve.parameters);
+  const std::vector<double> size{0.2};
+  const Eigen::VectorXd w = without.continued_in(with, v, size);
+  const std::vector<std::size_t> first{0};
+  EXPECT_EQ(with.simulate_behind_last(w, first, without.all_runs(v)).front(), with.simulate(w, 0));
+  EXPECT_NE(with.simulate(w, 0), without.simulate(v, 0));
+}
+
+TEST(ValveFitProblem, ItsRowsAreTheSlopesOfItsRunsBehindAMode) {
+  const test::MadeValve valve = test::with_a_mode();
+  const auto recordings = test::session(valve, 0.35, 11);
+  ValveFitOptions options = options_at_105_psi(recordings);
+  options.usual = valve.usual;
+  options.usual.gauge_lag_s = 0.004;
+  const ValveFitProblem problem(recordings, options);
+  Eigen::VectorXd v = problem.start_vector(valve.parameters);
+  // Off its rest at the start, in both of the mode's states.
+  const Eigen::Index own = problem.own_at(0);
+  v(own) = 0.01;
+  v(own + 1) = 0.02;
+  const auto rows = problem.rows(v, 0);
+  const double per_psi = std::sqrt(problem.inverse_variance(0));
+  const auto expect_slope = [&](Eigen::Index entry, Eigen::Index column, double step) {
+    Eigen::VectorXd above = v, below = v;
+    above(entry) += step;
+    below(entry) -= step;
+    const std::vector<double> high = problem.simulate(above, 0), low = problem.simulate(below, 0);
+    const Eigen::VectorXd told = rows.jacobian.times(Eigen::VectorXd::Unit(problem.shared() + problem.own(), column));
+    double largest = 0, off = 0;
+    for (std::size_t i = 0; i < rows.sample.size(); ++i) {
+      const double slope = per_psi * (high[rows.sample[i]] - low[rows.sample[i]]) / (2 * step);
+      largest = std::max(largest, std::abs(slope));
+      off = std::max(off, std::abs(slope - told(static_cast<Eigen::Index>(i))));
+    }
+    EXPECT_GT(largest, 0) << column;
+    EXPECT_LT(off, 0.01 * largest) << column;
+  };
+  for (const Eigen::Index j : {ValveFitProblem::kFrequency, ValveFitProblem::kDamping, ValveFitProblem::kTimeConstant,
+                               ValveFitProblem::kExponent}) {
+    expect_slope(j, j, 1e-4);
+  }
+  for (const Eigen::Index knot : {0, 2}) {
+    expect_slope(ValveFitProblem::kParameters + knot, ValveFitProblem::kParameters + knot, 1e-3);
+  }
+  for (const Eigen::Index start : {0, 1}) expect_slope(own + start, problem.shared() + start, 1e-4);
+}
+
 TEST(ValveFitProblem, AKnotThatFewSamplesTellGivesWayToOneThatManyTell) {
   const test::MadeValve valve;
   const auto recordings = test::session(valve, 0.35, 11);

@@ -35,6 +35,28 @@ TEST(ValveFit, FindsParametersAndMapOfAKnownValve) {
   for (const double level : {1.4, 1.6, 1.8}) EXPECT_NEAR(fit->map(level), valve.map(level), 0.4) << level;
 }
 
+TEST(ValveFit, FindsTheModeThatFollowsTheMapOfAKnownValve) {
+  const test::MadeValve valve = test::with_a_mode();
+  const auto recordings = test::session(valve, kNoise_psi, 11);
+  ValveFitOptions options = options_for(recordings);
+  options.usual = valve.usual;
+  const auto fit = fit_valve(recordings, options);
+  ASSERT_TRUE(fit) << fit.error().message;
+  ASSERT_TRUE(fit->parameters.mode);
+  EXPECT_NEAR(fit->parameters.mode->natural_frequency_rad_s, 40, 5 * 40 * std::sqrt(fit->covariance(0, 0)));
+  EXPECT_NEAR(fit->parameters.mode->damping_ratio, 0.6, 5 * 0.6 * std::sqrt(fit->covariance(1, 1)));
+  EXPECT_LT(std::sqrt(fit->covariance(0, 0)), 0.02);
+  EXPECT_NEAR(fit->rmse, kNoise_psi, 0.04 * kNoise_psi);
+  // As a model it is the same simulation.
+  const Model model = to_model(fit->parameters, fit->map, valve.usual);
+  const auto simulated = simulate_extended(model, recordings[1], {});
+  ASSERT_TRUE(simulated) << simulated.error().message;
+  double apart = 0;
+  for (std::size_t i = 400; i < simulated->size(); ++i) apart += std::pow((*simulated)[i] - fit->simulated[1][i], 2);
+  EXPECT_LT(std::sqrt(apart / static_cast<double>(simulated->size())), 0.1 * kNoise_psi);  // the loop starts elsewhere
+  EXPECT_DOUBLE_EQ(usual_mechanisms(model).prompt_spool_rad_s, valve.usual.prompt_spool_rad_s);
+}
+
 TEST(ValveFit, LeavesTheNoiseAndNothingElseOfAKnownValve) {
   const auto recordings = test::session({}, kNoise_psi, 21);
   const auto fit = fit_valve(recordings, options_for(recordings));

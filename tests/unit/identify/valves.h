@@ -50,7 +50,18 @@ inline std::vector<double> pressure_of(const MadeValve& valve, const IntervalSig
       .run(loop.apply(input, loop_driver(input, loop_gate(input))), steady);
   for (double& x : steady) x = valve.map(x);
   run_volume(valve.parameters.volume, sample_period_s, steady.front(), steady, pressure);
+  if (valve.parameters.mode) read_behind_mode(*valve.parameters.mode, sample_period_s, pressure);
   return pressure;
+}
+
+/// A valve whose dynamics follow its map: the spool is prompt, and what fills behind it overshoots.
+inline MadeValve with_a_mode(const Mode& mode = {40, 0.6}) {
+  MadeValve valve;
+  valve.usual.prompt_spool_rad_s = 1600;
+  valve.parameters.spool = {.delay_s = 0.0072, .natural_frequency_rad_s = 1600};
+  valve.parameters.volume = {.time_constant_s = 0.01, .exponent = 1, .supply_psi = 900, .reference_psi = 105};
+  valve.parameters.mode = mode;
+  return valve;
 }
 
 inline Recording played(const MadeValve& valve, TestKind test, const std::vector<double>& current,
