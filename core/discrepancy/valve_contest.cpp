@@ -5,6 +5,7 @@
 #include <limits>
 #include <numbers>
 #include <set>
+#include <span>
 #include <utility>
 
 #include "core/discrepancy/evidence.h"
@@ -36,6 +37,8 @@ constexpr double kMostOff = 2;
 // And beside those that promise most this many of those whose simulations are known to bring most.
 constexpr std::size_t kSurestJointFits = 2;
 constexpr double kLeastForecast = 0.05;
+// Of what the best simulation brings: half-way to its own fit a law is seldom off by more than twice.
+constexpr double kNearTheMost = 0.5;
 // A search that noise alone gives this much takes more than fifty instants or tones.
 constexpr double kLongSearch = 8;
 // A residual this many times slower than white noise has bent the baseline.
@@ -235,8 +238,9 @@ bool may_gain(const Tested& tested, double least_gain) {
 }
 
 /// Those still in the race after a survey: rare in good valves by what is forecast, those that promise most, none that
-/// promises far less than the best, and those that bring most in simulations. A forecast is linear: where the fit has
-/// bent towards a fault, laws that promise ten times as much keep nothing of it.
+/// promises far less than the best, and those that bring most in simulations, by what of it is the same everywhere and
+/// by all of it: half-way to a fit nothing is the same everywhere. A forecast is linear: where the fit has bent towards
+/// a fault, laws that promise ten times as much keep nothing of it.
 std::vector<const Tested*> in_the_race(const Survey& survey, double least_gain, const ValveDiagnosisOptions& options) {
   const auto forecast = [](const Tested* tested) { return std::max(tested->evidence.value, tested->promise.value); };
   std::vector<const Tested*> possible;
@@ -253,13 +257,19 @@ std::vector<const Tested*> in_the_race(const Survey& survey, double least_gain, 
          racing.back()->evidence.value < racing.front()->evidence.value - 2 * kInTheRace) {
     racing.pop_back();
   }
-  std::stable_sort(possible.begin(), possible.end(),
-                   [](const Tested* a, const Tested* b) { return a->evidence.value > b->evidence.value; });
-  if (possible.size() > kSurestJointFits) possible.resize(kSurestJointFits);
-  for (const Tested* sure : possible) {
-    const bool is_known = std::find(racing.begin(), racing.end(), sure) != racing.end();
-    if (!is_known && sure->evidence.value >= kLeastEvidence) racing.push_back(sure);
-  }
+  const auto add_surest = [&](auto size, double least) {
+    std::stable_sort(possible.begin(), possible.end(),
+                     [&](const Tested* a, const Tested* b) { return size(*a) > size(*b); });
+    for (const Tested* sure : std::span(possible).first(std::min(possible.size(), kSurestJointFits))) {
+      const bool is_known = std::find(racing.begin(), racing.end(), sure) != racing.end();
+      if (!is_known && size(*sure) >= least) racing.push_back(sure);
+    }
+  };
+  const auto simulated = [](const Tested& tested) { return tested.fit.verified; };
+  add_surest([](const Tested& tested) { return tested.evidence.value; }, kLeastEvidence);
+  double most = kLeastEvidence;
+  for (const Tested* tested : possible) most = std::max(most, simulated(*tested));
+  add_surest(simulated, kNearTheMost * most);
   return racing;
 }
 
