@@ -53,6 +53,10 @@ std::vector<ValveParameters> starting_points(const ValveFitOptions& options, std
     start.narrow_loop_width_a = 0.001 * options.usual.current_scale;
     start.volume = {.time_constant_s = samples * period, .exponent = 0.6, .supply_psi = 5 * options.reference_psi};
     fan.push_back(start);
+    // Behind the map a mode and a volume change places without a bend between them.
+    if (!start.mode) continue;
+    start.volume.time_constant_s = period;
+    fan.push_back(start);
   }
   return fan;
 }
@@ -295,7 +299,10 @@ Model to_model(const ValveParameters& parameters, const StaticMap& map, const Us
   model.input_unit = "A";
   model.output_unit = "psi";
   model.loop = loop_of(parameters, usual);
-  model.dynamics = to_transfer_function(parameters.spool);
+  // As a model a prompt spool takes its own time.
+  ValveDynamics spool = parameters.spool;
+  if (parameters.mode) spool.delay_s = std::max(0.0, spool.delay_s - 2 / spool.natural_frequency_rad_s);
+  model.dynamics = to_transfer_function(spool);
   model.map = map;
   model.volume = parameters.volume;
   model.volume->air_share = usual.air_share;

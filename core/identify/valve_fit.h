@@ -23,7 +23,7 @@ struct ValveParameters {
   double loop_width_a = 0;         ///< magnetic loop, ≥ 0 [A]
   OrificeVolume volume;            ///< time constant, flow exponent, supply pressure
   double narrow_loop_width_a = 0;  ///< what dry friction of a good spool adds to it at small reversals, ≥ 0 [A]
-  /// Behind the volume, where the spool is prompt (UsualMechanisms::prompt_spool_rad_s): the natural frequency and the
+  /// Behind the map, where the spool is prompt (UsualMechanisms::prompt_spool_rad_s): the natural frequency and the
   /// damping are its own then.
   std::optional<Mode> mode;
 
@@ -126,7 +126,7 @@ struct ValveFit {
 
 /// Free-run (output-error) least squares of all parameters and the map together.
 ///
-///   u → magnetic loop → delay, spool → map → volume, mode → gauge → y + noise         (Model, kind "valve")
+///   u → magnetic loop → delay, spool → map → mode → volume → gauge → y + noise         (Model, kind "valve")
 ///
 /// Estimated with them, per recording: two states of the spool or the mode, the volume's pressure and the loop's memory
 /// at its start. The residual of each recording is weighted by its noise floor. Small changes are carried through the
@@ -159,7 +159,8 @@ Result<std::vector<double>> map_knots(const InputSpan& span);
 double reference_pressure(std::span<const Recording> recordings);
 
 /// Parameters and map as a Model: kind "valve", dynamics in the s domain; first among its mechanisms a mode behind the
-/// volume as a `resonance` and the gauge as an `extra_lag`, where it has them.
+/// map as a `resonance` of what is read and the gauge as an `extra_lag`, where it has them. With a mode it is the
+/// fitted simulation to within a sample of the edges: the fit's spool takes no time, the model's a quarter of a sample.
 Model to_model(const ValveParameters& parameters, const StaticMap& map, const UsualMechanisms& usual = {});
 
 /// What such a model of a good valve has of them.

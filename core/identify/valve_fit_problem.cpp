@@ -40,6 +40,22 @@ SampledValveDynamics::State displaced_spool(const SampledValveDynamics& spool, d
   return state;
 }
 
+/// How a spool or a mode that starts off its rest returns to it, added to a signal.
+void add_return(const SampledValveDynamics& dynamics, double rate, double position, std::span<double> signal) {
+  SampledValveDynamics::State free = displaced_spool(dynamics, rate, position);
+  for (double& x : signal) {
+    if (free.squaredNorm() < 1e-24) return;  // decayed below any effect
+    x += free(free.size() - 1);
+    free = dynamics.transition().lazyProduct(free).eval();
+  }
+}
+
+/// Whether something ahead of the map takes time beside the delay.
+template <typename Blocks>
+bool is_slowed_ahead_of_map(const Blocks& blocks) {
+  return blocks.friction.breakaway_a > 0 || !blocks.valve.spool.lag_s.empty();
+}
+
 /// A rest goes on between two samples of it.
 std::vector<double> rests_between_samples(const std::vector<double>& rests) {
   std::vector<double> halves(2 * rests.size(), std::numeric_limits<double>::quiet_NaN());
@@ -392,6 +408,8 @@ std::vector<std::vector<double>> ValveFitProblem::positions(std::span<const RunA
     forces.push_back(is_moved ? loop.apply(moved, loop_driver(moved, prepared.gate))
                               : loop.apply(prepared.input, prepared.driver));
   }
+  // A mode behind the map has the delay (ahead_of_volume).
+  for (Blocks& of_run : blocks) of_run.valve.spool.delay_s *= of_run.valve.mode ? 0 : 1;
   std::vector<SlidingRun> sliding;
   for (std::size_t k = 0; k < at.size(); ++k) {
     const auto& [v, recording] = at[k];
@@ -403,19 +421,59 @@ std::vector<std::vector<double>> ValveFitProblem::positions(std::span<const RunA
   run_sliding_spools(sliding);
   for (std::size_t k = 0; k < at.size(); ++k) {
     const auto& [v, recording] = at[k];
-    const SampledValveDynamics spool(blocks[k].valve.spool, half_period_s(recording));
-    if (!(blocks[k].friction.breakaway_a > 0)) spool.run(forces[force_of[k]], positions[k]);
-    SampledValveDynamics::State free =
-        displaced_spool(spool, (*v)(own_at(recording) + kSpoolRate), (*v)(own_at(recording) + kSpoolPosition));
-    for (double& x : positions[k]) {
-      if (blocks[k].valve.mode) break;        // the start is the mode's
-      if (free.squaredNorm() < 1e-24) break;  // decayed below any effect
-      x += free(free.size() - 1);
-      free = spool.transition().lazyProduct(free).eval();
+    const IntervalSignal& force = forces[force_of[k]];
+    if (blocks[k].valve.mode && !is_slowed_ahead_of_map(blocks[k])) {
+      std::copy_n(force.start.begin(), positions[k].size(), positions[k].begin());
+    } else {
+      const SampledValveDynamics spool(blocks[k].valve.spool, half_period_s(recording));
+      if (!(blocks[k].friction.breakaway_a > 0)) spool.run(force, positions[k]);
+      if (!blocks[k].valve.mode) add_start(spool, *v, recording, 1, positions[k]);
     }
     apply_laws(Place::kPosition, *v, recording, {}, positions[k], nullptr);
   }
   return positions;
+}
+
+void ValveFitProblem::add_start(const SampledValveDynamics& dynamics, const VectorXd& v, std::size_t recording,
+                                double scale, std::span<double> signal) const {
+  const Index own = own_at(recording);
+  add_return(dynamics, scale * v(own + kSpoolRate), scale * v(own + kSpoolPosition), signal);
+}
+
+SampledValveDynamics ValveFitProblem::mode_of(const Blocks& blocks, std::size_t recording) const {
+  const ValveParameters& valve = blocks.valve;
+  // A prompt spool that something slows is run as it is and takes its own time.
+  const double spool_s = is_slowed_ahead_of_map(blocks) ? 2 / valve.spool.natural_frequency_rad_s : 0;
+  const ValveDynamics dynamics{.delay_s = std::max(0.0, valve.spool.delay_s - spool_s),
+                               .natural_frequency_rad_s = valve.mode->natural_frequency_rad_s,
+                               .damping_ratio = valve.mode->damping_ratio};
+  return {dynamics, half_period_s(recording)};
+}
+
+IntervalSignal ValveFitProblem::between_halves(const Blocks& blocks, std::size_t recording,
+                                               std::vector<double> signal) const {
+  IntervalSignal between{.start = std::move(signal), .end = {}};
+  between.end.assign(between.start.begin() + 1, between.start.end());
+  between.end.push_back(between.start.back());
+  const bool is_moved = is_slowed_ahead_of_map(blocks) ||
+                        std::any_of(options_.laws.begin(), options_.laws.end(),
+                                    [&](const LawInFit& law) { return acts_at(law, Place::kInput, recording); });
+  if (is_moved) return between;
+  const IntervalSignal& input = prepared_[recording].input;
+  for (std::size_t i = 0; i < between.start.size(); ++i) {
+    if (input.start[i] == input.end[i]) between.end[i] = between.start[i];
+  }
+  return between;
+}
+
+std::vector<double> ValveFitProblem::ahead_of_volume(const Blocks& blocks, const VectorXd& v, std::size_t recording,
+                                                     const std::vector<double>& steady) const {
+  if (!blocks.valve.mode) return steady;
+  const SampledValveDynamics mode = mode_of(blocks, recording);
+  std::vector<double> filling(steady.size());
+  mode.run(between_halves(blocks, recording, steady), filling);
+  add_start(mode, v, recording, mean_slope_psi_per_a_, filling);
+  return filling;
 }
 
 std::vector<ValveFitProblem::Run> ValveFitProblem::runs(const VectorXd& v, std::span<const std::size_t> recordings,
@@ -433,40 +491,30 @@ std::vector<ValveFitProblem::Run> ValveFitProblem::runs(const VectorXd& v, std::
     map.apply(run.mapped);
     run.steady = run.mapped;
     apply_laws(Place::kSteady, v, recordings[k], run.mapped, run.steady, nullptr);
-    volumes.push_back(blocks_of(v, recordings[k]).valve.volume);
+    const Blocks blocks = blocks_of(v, recordings[k]);
+    volumes.push_back(blocks.valve.volume);
+    run.filling = ahead_of_volume(blocks, v, recordings[k], run.steady);
   }
   std::vector<VolumeRun> through;
   for (std::size_t k = 0; k < runs.size(); ++k) {
     runs[k].asked = at_samples(runs[k].steady);
     runs[k].pressure.resize(runs[k].asked.size());
-    through.push_back(volume_run(v, recordings[k], volumes[k], runs[k].steady, runs[k].pressure));
+    through.push_back(volume_run(v, recordings[k], volumes[k], runs[k].filling, runs[k].pressure));
     if (tangents) through.back().tangent = &runs[k].tangent;
   }
   run_volumes(through);
   for (std::size_t k = 0; k < runs.size(); ++k) {
     Run& run = runs[k];
-    const ValveParameters valve = blocks_of(v, recordings[k]).valve;
-    if (tangents && valve.mode) run.filled = run.pressure;
-    read(valve, v, recordings[k], run.pressure);
+    read_behind_lag(options_.usual.gauge_lag_s, period_s(recordings[k]), run.pressure);
     run.output = run.pressure;
     apply_laws(Place::kOutput, v, recordings[k], run.asked, run.output, tangents ? &run.before_output : nullptr);
   }
   return runs;
 }
 
-void ValveFitProblem::read(const ValveParameters& valve, const VectorXd& v, std::size_t recording,
-                           std::span<double> pressure) const {
-  if (valve.mode) {
-    const Index own = own_at(recording);
-    read_behind_mode(*valve.mode, period_s(recording), pressure, mean_slope_psi_per_a_ * v(own + kSpoolPosition),
-                     mean_slope_psi_per_a_ * v(own + kSpoolRate));
-  }
-  read_behind_lag(options_.usual.gauge_lag_s, period_s(recording), pressure);
-}
-
 VolumeRun ValveFitProblem::volume_run(const VectorXd& v, std::size_t recording, const OrificeVolume& volume,
-                                      std::span<const double> steady, std::span<double> pressure) const {
-  return {&volume, period_s(recording), steady.front() + v(own_at(recording) + kPressureGap), steady, pressure};
+                                      std::span<const double> filling, std::span<double> pressure) const {
+  return {&volume, period_s(recording), filling.front() + v(own_at(recording) + kPressureGap), filling, pressure};
 }
 
 ValveFitProblem::Run ValveFitProblem::run(const VectorXd& v, std::size_t recording, bool tangents) const {
@@ -499,7 +547,7 @@ std::vector<std::vector<double>> ValveFitProblem::simulate_behind_last(const Vec
   std::vector<std::vector<double>> outputs(recordings.size());
   std::vector<std::size_t> whole, behind_map;  // places in `recordings`
   const StaticMap map = map_of(v);
-  std::vector<std::vector<double>> steady(recordings.size());
+  std::vector<std::vector<double>> steady(recordings.size()), filling(recordings.size());
   std::vector<OrificeVolume> volumes(recordings.size());
   for (std::size_t k = 0; k < recordings.size(); ++k) {
     const std::size_t r = recordings[k];
@@ -521,6 +569,7 @@ std::vector<std::vector<double>> ValveFitProblem::simulate_behind_last(const Vec
         steady[k] =
             is_behind_map ? with_law(Place::kSteady, r, before_law.steady, before_law.mapped) : before_law.steady;
       }
+      filling[k] = ahead_of_volume(blocks, v, r, steady[k]);
     } else {
       outputs[k] = acts_at(law, Place::kOutput, r) ? with_law(Place::kOutput, r, before_law.output, before_law.asked)
                                                    : before_law.output;
@@ -535,11 +584,11 @@ std::vector<std::vector<double>> ValveFitProblem::simulate_behind_last(const Vec
   std::vector<VolumeRun> through;
   for (const std::size_t k : behind_map) {
     outputs[k].resize(prepared_[recordings[k]].recording->samples());
-    through.push_back(volume_run(v, recordings[k], volumes[k], steady[k], outputs[k]));
+    through.push_back(volume_run(v, recordings[k], volumes[k], filling[k], outputs[k]));
   }
   run_volumes(through);
   for (const std::size_t k : behind_map) {
-    read(blocks_of(v, recordings[k]).valve, v, recordings[k], outputs[k]);
+    read_behind_lag(options_.usual.gauge_lag_s, period_s(recordings[k]), outputs[k]);
     apply_laws(Place::kOutput, v, recordings[k], at_samples(steady[k]), outputs[k], nullptr);
   }
   return outputs;
@@ -655,7 +704,8 @@ class ValveFitProblem::Columns {
         recording_(recording),
         base_(problem.run(v, recording, true)),
         used_(static_cast<std::size_t>(problem.knots_), false),
-        mode_(problem.blocks_of(v, recording).valve.mode) {
+        blocks_(problem.blocks_of(v, recording)) {
+    if (blocks_.valve.mode) mode_.emplace(problem.mode_of(blocks_, recording));
     const StaticMap map = problem.map_of(v);
     for (const double x : base_.position) {
       slope_.push_back(map.slope(x));
@@ -705,15 +755,17 @@ class ValveFitProblem::Columns {
       } else if (in_two_places(entry)) {
         changes[k] = whole_change(moved[k], step);
       } else {
-        const Blocks here = problem_.blocks_of(v_, recording_), there = problem_.blocks_of(moved[k], recording_);
-        if (moves_position(entry) || here.valve.loop_width_a != there.valve.loop_width_a ||
-            here.valve.narrow_loop_width_a != there.valve.narrow_loop_width_a ||
-            !(here.valve.spool == there.valve.spool) || !(here.friction == there.friction)) {
+        const Blocks &here = blocks_, there = problem_.blocks_of(moved[k], recording_);
+        const bool is_mode =
+            mode_ && (here.valve.mode != there.valve.mode || here.valve.spool.delay_s != there.valve.spool.delay_s);
+        if (is_mode) {
+          changes[k] = mode_change(there, moved[k], step);
+        } else if (moves_position(entry) || here.valve.loop_width_a != there.valve.loop_width_a ||
+                   here.valve.narrow_loop_width_a != there.valve.narrow_loop_width_a ||
+                   !(here.valve.spool == there.valve.spool) || !(here.friction == there.friction)) {
           spools.push_back(k);
         } else if (!(here.valve.volume == there.valve.volume)) {
           volumes.push_back(k);
-        } else if (here.valve.mode != there.valve.mode) {
-          changes[k] = mode_change(moved[k], step);
         } else {
           changes[k] = behind_map(moved[k], step);
         }
@@ -733,6 +785,10 @@ class ValveFitProblem::Columns {
         if (used_[static_cast<std::size_t>(k)]) used.push_back(k);
       }
       if (used.empty()) continue;
+      if (mode_) {
+        for (const Index knot : used) keep(knot, behind_mode_of_knot(knot));
+        continue;
+      }
       const std::vector<Abreast> abreast = pressures_of_knots(first);
       for (const Index knot : used) {
         std::vector<double> change;
@@ -748,6 +804,19 @@ class ValveFitProblem::Columns {
   // Each sample of a sensitivity waits for the one before: several abreast keep a processor busy.
   static constexpr Index kAbreast = 4;
   using Abreast = Eigen::Array<double, kAbreast, 1>;
+
+  /// ∂output / ∂knot where a mode takes each change for itself.
+  std::vector<double> behind_mode_of_knot(Index knot) const {
+    std::vector<double> change(shares_.size(), 0.0);
+    for (std::size_t i = 0; i < change.size(); ++i) {
+      const Index at = knot - static_cast<Index>(shares_[i].first);
+      if (at >= 0 && at < static_cast<Index>(shares_[i].weight.size())) {
+        change[i] = shares_[i].weight[static_cast<std::size_t>(at)];
+      }
+    }
+    carry_steady(change);
+    return change;
+  }
 
   /// ∂pressure / ∂knot of neighbouring knots as the gauge shows it, a value of each per sample.
   std::vector<Abreast> pressures_of_knots(Index first) const {
@@ -777,10 +846,6 @@ class ValveFitProblem::Columns {
       pressures.push_back(p);
       p = tangent.keep[i] * p + tangent.begin[i] * begin + tangent.middle[i] * middle + tangent.end[i] * end;
       begin = end;
-    }
-    if (mode_) {
-      ModeFilter<Value> filter(*mode_, period_s(), pressures.front());
-      for (Value& at : std::span(pressures).subspan(1)) at = filter.next(at);
     }
     if (const double lag_s = problem_.options_.usual.gauge_lag_s; lag_s > 0) {
       GaugeLag<Value> lag(lag_s, period_s(), pressures.front());
@@ -825,8 +890,7 @@ class ValveFitProblem::Columns {
 
   /// The spool's own return from a start off its rest, which nothing before the map changes.
   std::vector<double> spool_start_change(Index state) const {
-    const SampledValveDynamics spool(problem_.blocks_of(v_, recording_).valve.spool,
-                                     problem_.half_period_s(recording_));
+    const SampledValveDynamics spool(blocks_.valve.spool, problem_.half_period_s(recording_));
     SampledValveDynamics::State free = displaced_spool(spool, state == kSpoolRate ? 1 : 0, state == kSpoolRate ? 0 : 1);
     std::vector<double> change(base_.position.size(), 0.0);
     for (std::size_t i = 0; i < change.size() && free.squaredNorm() > 1e-24; ++i) {
@@ -839,18 +903,21 @@ class ValveFitProblem::Columns {
 
   /// The mode's own return from a start off its rest.
   std::vector<double> mode_start_change(Index state) const {
-    std::vector<double> change(base_.pressure.size(), 0.0);
+    std::vector<double> change(base_.filling.size(), 0.0);
     const double psi = problem_.mean_slope_psi_per_a_;
-    read_behind_mode(*mode_, period_s(), change, state == kSpoolPosition ? psi : 0, state == kSpoolRate ? psi : 0);
-    read_behind_lag(problem_.options_.usual.gauge_lag_s, period_s(), change);
+    add_return(*mode_, state == kSpoolRate ? psi : 0, state == kSpoolPosition ? psi : 0, change);
+    carry_volume(change);
     problem_.output_tangents(v_, recording_, base_, change);
     return change;
   }
 
   /// Another mode behind the same volume.
-  std::vector<double> mode_change(const VectorXd& w, double step) const {
-    std::vector<double> change = base_.filled;
-    problem_.read(problem_.blocks_of(w, recording_).valve, w, recording_, change);
+  std::vector<double> mode_change(const Blocks& there, const VectorXd& w, double step) const {
+    const std::vector<double> filling = problem_.ahead_of_volume(there, w, recording_, base_.steady);
+    std::vector<double> change(base_.pressure.size());
+    const VolumeRun through = problem_.volume_run(w, recording_, there.valve.volume, filling, change);
+    run_volumes({&through, 1});
+    read_behind_lag(problem_.options_.usual.gauge_lag_s, period_s(), change);
     for (std::size_t i = 0; i < change.size(); ++i) change[i] = (change[i] - base_.pressure[i]) / step;
     problem_.output_tangents(v_, recording_, base_, change);
     return change;
@@ -864,7 +931,6 @@ class ValveFitProblem::Columns {
       change[i] = p;
       p *= base_.tangent.keep[i];
     }
-    if (mode_) read_behind_mode(*mode_, period_s(), change);
     read_behind_lag(problem_.options_.usual.gauge_lag_s, period_s(), change);
     problem_.output_tangents(v_, recording_, base_, change);
     return change;
@@ -892,12 +958,12 @@ class ValveFitProblem::Columns {
     for (std::size_t n = 0; n < which.size(); ++n) {
       std::vector<double>& change = changes[which[n]];
       change.resize(base_.pressure.size());
-      through.push_back(problem_.volume_run(moved[which[n]], recording_, volumes[n], base_.steady, change));
+      through.push_back(problem_.volume_run(moved[which[n]], recording_, volumes[n], base_.filling, change));
     }
     run_volumes(through);
     for (const std::size_t k : which) {
       std::vector<double>& change = changes[k];
-      problem_.read(problem_.blocks_of(moved[k], recording_).valve, moved[k], recording_, change);
+      read_behind_lag(problem_.options_.usual.gauge_lag_s, period_s(), change);
       for (std::size_t i = 0; i < change.size(); ++i) change[i] = (change[i] - base_.pressure[i]) / moves[k].step;
       problem_.output_tangents(v_, recording_, base_, change);
     }
@@ -909,6 +975,7 @@ class ValveFitProblem::Columns {
     problem_.apply_laws(Place::kSteady, w, recording_, base_.mapped, steady, nullptr);
     if (steady != base_.steady) {
       for (std::size_t i = 0; i < steady.size(); ++i) steady[i] = (steady[i] - base_.steady[i]) / step;
+      carry_mode(steady);
       carry_volume(steady);
       problem_.output_tangents(v_, recording_, base_, steady);
       return steady;
@@ -923,8 +990,16 @@ class ValveFitProblem::Columns {
     if (has_steady_laws_) {
       for (std::size_t i = 0; i < change.size(); ++i) change[i] *= steady_gain_[i];
     }
+    carry_mode(change);
     carry_volume(change);
     problem_.output_tangents(v_, recording_, base_, change);
+  }
+
+  /// A change of the steady pressure as the mode hands it on.
+  void carry_mode(std::vector<double>& change) const {
+    if (!mode_) return;
+    const IntervalSignal between = problem_.between_halves(blocks_, recording_, change);
+    mode_->run(between, change);
   }
 
   void carry_volume(std::vector<double>& change) const {
@@ -941,7 +1016,8 @@ class ValveFitProblem::Columns {
   std::vector<KnotCurve::Share> shares_;  ///< of the knots in the map at each sample
   std::vector<bool> used_;                ///< which knots have any
   bool has_steady_laws_ = false;
-  std::optional<Mode> mode_;  ///< behind the volume
+  Blocks blocks_;
+  std::optional<SampledValveDynamics> mode_;  ///< behind the map
 };
 
 void ValveFitProblem::output_tangents(const VectorXd& v, std::size_t recording, const Run& base,

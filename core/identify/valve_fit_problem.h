@@ -14,7 +14,7 @@ namespace valvetriage {
 
 /// The weighted least-squares problem behind fit_valve, linearised by tangents (internal to identify and discrepancy).
 ///
-///   u → magnetic loop → input laws → G → position laws → map → steady laws → volume, mode → gauge → output laws → y
+///   u → magnetic loop → input laws → G → position laws → map → steady laws → mode → volume → gauge → output laws → y
 ///
 /// Vector: [parameters | knot outputs | shared law parameters | per recording: two states of spool or mode, pressure
 /// gap, loop memory, its own law parameters].
@@ -82,8 +82,8 @@ class ValveFitProblem {
     std::vector<double> mapped;                      ///< map(x)
     std::vector<double> steady;                      ///< behind the steady laws
     std::vector<double> asked;                       ///< the same at the samples
-    std::vector<double> filled;                      ///< behind the volume, where a mode follows it
-    std::vector<double> pressure;                    ///< behind the mode and the gauge
+    std::vector<double> filling;                     ///< behind the mode, where there is one
+    std::vector<double> pressure;                    ///< behind the volume and the gauge
     std::vector<std::vector<double>> before_output;  ///< what enters each output law
     std::vector<double> output;
     VolumeTangent tangent;
@@ -171,11 +171,18 @@ class ValveFitProblem {
   double period_s(std::size_t recording) const { return prepared_[recording].recording->sample_period_s; }
   double half_period_s(std::size_t recording) const { return 0.5 * period_s(recording); }
   std::vector<Run> runs(const Eigen::VectorXd& v, std::span<const std::size_t> recordings, bool tangents) const;
-  /// What is read of a pressure behind the volume: the mode from where v has it at the start, then the gauge.
-  void read(const ValveParameters& valve, const Eigen::VectorXd& v, std::size_t recording,
-            std::span<double> pressure) const;
+  /// The mode behind the map with the delay, two steps a sample.
+  SampledValveDynamics mode_of(const Blocks& blocks, std::size_t recording) const;
+  /// A signal behind the map, two values a sample, between them: held where the input is, straight elsewhere.
+  IntervalSignal between_halves(const Blocks& blocks, std::size_t recording, std::vector<double> signal) const;
+  /// What the volume follows: the steady pressure, or what the mode makes of it.
+  std::vector<double> ahead_of_volume(const Blocks& blocks, const Eigen::VectorXd& v, std::size_t recording,
+                                      const std::vector<double>& steady) const;
+  /// Adds what v has of the two states at the start, times `scale`, as the dynamics return from them.
+  void add_start(const SampledValveDynamics& dynamics, const Eigen::VectorXd& v, std::size_t recording, double scale,
+                 std::span<double> signal) const;
   VolumeRun volume_run(const Eigen::VectorXd& v, std::size_t recording, const OrificeVolume& volume,
-                       std::span<const double> steady, std::span<double> pressure) const;
+                       std::span<const double> filling, std::span<double> pressure) const;
   /// visit(knot, output) of every valid sample, with the knot nearest to its input.
   template <typename Visitor>
   void for_each_knot_seen(Visitor&& visit) const;

@@ -135,7 +135,7 @@ class Valves:
         self.damping = 0.9 * np.exp(0.04 * normal(n))
         self.loop_a = 0.004 * np.exp(0.2 * normal(n)) + self.hysteresis_a
         self.shift_a = 0.004 * normal(n)
-        self.late = np.round((0.012 + 0.0005 * normal(n) + self.delay_s) / STEP_S).astype(int)
+        self.late = (0.012 + 0.0005 * normal(n) + self.delay_s) / STEP_S
         good_friction = 0.002 * np.exp(0.2 * normal(n))
         self.breakaway_a += good_friction
         self.kinetic_a += 0.7 * good_friction
@@ -176,8 +176,9 @@ class Valves:
         temperature = MEAN_TEMPERATURE_C + 2 * np.sin(2 * np.pi * time / 37 + self.rng.uniform(0, 2 * np.pi))
         temperature += 0.02 * np.cumsum(self.rng.standard_normal(samples)) / np.sqrt(RATE_HZ)
         held = np.repeat(current, SUBSTEPS)
-        for k in range(len(held)):
-            x = held[np.maximum(k - self.late, 0)] + self.shift_a
+        steps = np.arange(len(held))
+        for k in steps:
+            x = np.interp(k - self.late, steps, held) + self.shift_a
             heat += STEP_S / self.warming_s * ((held[k] / 2) ** 2 - heat)
             asked = self.steady(self.spool(state, x), heat, k * STEP_S, name == "triangle")
             if k == 0:

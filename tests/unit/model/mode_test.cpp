@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <numbers>
 #include <vector>
 
 namespace valvetriage {
@@ -22,16 +23,17 @@ TEST(Mode, FollowsAParabolaToTheLastBitsOfItsSettledAnswer) {
   }
 }
 
-TEST(Mode, OffItsRestRingsAtItsFrequencyAndDiesAtItsDamping) {
-  const Mode mode{40, 0.3};
+TEST(Mode, RingsAtItsFrequencyAndDiesAtItsDamping) {
+  // What a pulse leaves, a period of its ringing apart.
+  const double root = std::sqrt(1 - 0.1 * 0.1), omega = 2 * std::numbers::pi / (root * 20 * kPeriod_s);
   std::vector<double> signal(200, 7.0);
-  read_behind_mode(mode, kPeriod_s, signal, 2, 0.5);
-  const double root = std::sqrt(1 - 0.3 * 0.3);
-  for (std::size_t i = 0; i < signal.size(); ++i) {
-    const double angle = 40 * kPeriod_s * static_cast<double>(i);
-    const double rings = 2 * std::cos(root * angle) + (0.5 + 0.3 * 2) / root * std::sin(root * angle);
-    EXPECT_NEAR(signal[i], 7 + std::exp(-0.3 * angle) * rings, 1e-12) << i;
+  signal[3] = 8;
+  read_behind_mode({omega, 0.1}, kPeriod_s, signal);
+  const double dies = std::exp(-0.1 * omega * 20 * kPeriod_s);
+  for (std::size_t i = 20; i + 20 < signal.size(); ++i) {
+    EXPECT_NEAR(signal[i + 20] - 7, dies * (signal[i] - 7), 1e-12) << i;
   }
+  EXPECT_GT(std::abs(signal[25] - 7), 0.01);
 }
 
 }  // namespace
