@@ -178,7 +178,8 @@ std::string part_words(std::span<const Recording> given, const PartToFit& part) 
 Result<FreeRuns> run_reference(std::span<const Recording> recordings, const StageReport& report, Analysis& analysis) {
   const Reference& reference = *analysis.baseline.reference;
   if (const auto current = require_current(reference); !current) return tl::unexpected(current.error());
-  const double memory_s = kMemories * reference.model.volume->time_constant_s;
+  const ValveParameters usual{.volume = *reference.model.volume, .mode = mode_behind(reference.model)};
+  const double memory_s = kMemories * usual.lag_behind_map_s();
   std::vector<Recording> kept;
   for (std::size_t r = 0; r < recordings.size(); ++r) {
     std::size_t outside = 0;

@@ -363,18 +363,18 @@ Result<std::vector<Member>> fit_members(std::span<const ValveRecordings> valves,
   return members;
 }
 
-/// ln of the rms that valves' own fits leave, the mean of a few of them.
-Result<double> log_left(std::span<const ValveRecordings> valves, const ValveFitOptions& options) {
-  double sum = 0;
+/// ln of the rms that each valve's own fit leaves.
+Result<std::vector<double>> logs_left(std::span<const ValveRecordings> valves, const ValveFitOptions& options) {
+  std::vector<double> logs;
   for (const ValveRecordings& valve : valves) {
     const auto fit = fit_member(valve, options);
     if (!fit) return tl::unexpected(fit.error());
-    sum += std::log(std::max(fit->rmse, 1e-12));
+    logs.push_back(std::log(std::max(fit->rmse, 1e-12)));
   }
-  return sum / static_cast<double>(valves.size());
+  return logs;
 }
 
-/// How these valves' simulation is put together, by what leaves least of them:
+/// How these valves' simulation is put together, by what leaves more of none of them and less in the mean:
 /// - whether their commands are held between samples: a stand that holds and a simulation that goes straight differ by
 ///   half a sample on every ramp and by nothing on steps, which no delay follows;
 /// - whether their second-order dynamics stand ahead of the map or behind it: an overshoot behind the map is as large
@@ -384,27 +384,33 @@ Result<UsualMechanisms> arrangement(std::span<const ValveRecordings> valves, Val
   const double closer = std::log(1.005);
   constexpr double kPromptInSamples = 8;
   const auto asked = valves.first(std::min(kAsked, valves.size()));
-  auto left = log_left(asked, options);
+  auto left = logs_left(asked, options);
   if (!left) return tl::unexpected(left.error());
-  const auto choose = [&](const UsualMechanisms& other) -> Result<void> {
+  const auto choose = [&](const UsualMechanisms& other) {
     const UsualMechanisms before = std::exchange(options.usual, other);
-    const auto there = log_left(asked, options);
-    if (!there) return tl::unexpected(there.error());
-    if (*left - *there > closer) {
-      left = there;
+    auto there = logs_left(asked, options);
+    bool is_closer = there.has_value();
+    double gained = 0;
+    for (std::size_t i = 0; is_closer && i < asked.size(); ++i) {
+      const double gain = (*left)[i] - (*there)[i];
+      gained += gain / static_cast<double>(asked.size());
+      is_closer = gain >= 0;
+    }
+    is_closer = is_closer && gained > closer;
+    if (is_closer) {
+      left = std::move(there);
     } else {
       options.usual = before;
     }
-    return {};
   };
   UsualMechanisms other = options.usual;
   if (std::any_of(asked.begin(), asked.end(), [](const auto& valve) { return holds_and_moves(valve.recordings); })) {
     other.input_between = InputBetween::kHeld;
-    if (const auto chosen = choose(other); !chosen) return tl::unexpected(chosen.error());
+    choose(other);
   }
   other = options.usual;
   other.prompt_spool_rad_s = kPromptInSamples / valves.front().recordings.front().sample_period_s;
-  if (const auto chosen = choose(other); !chosen) return tl::unexpected(chosen.error());
+  choose(other);
   return options.usual;
 }
 

@@ -442,26 +442,32 @@ void ValveFitProblem::add_start(const SampledValveDynamics& dynamics, const Vect
 
 SampledValveDynamics ValveFitProblem::mode_of(const Blocks& blocks, std::size_t recording) const {
   const ValveParameters& valve = blocks.valve;
-  // A prompt spool that something slows is run as it is and takes its own time.
-  const double spool_s = is_slowed_ahead_of_map(blocks) ? 2 / valve.spool.natural_frequency_rad_s : 0;
+  // A prompt spool that something slows is run as it is and takes its own time, or half of what is between its values.
+  const double own_s = std::max(2 / valve.spool.natural_frequency_rad_s, 0.5 * half_period_s(recording));
+  const double spool_s = is_slowed_ahead_of_map(blocks) ? own_s : 0;
   const ValveDynamics dynamics{.delay_s = std::max(0.0, valve.spool.delay_s - spool_s),
                                .natural_frequency_rad_s = valve.mode->natural_frequency_rad_s,
                                .damping_ratio = valve.mode->damping_ratio};
   return {dynamics, half_period_s(recording)};
 }
 
-IntervalSignal ValveFitProblem::between_halves(const Blocks& blocks, std::size_t recording,
-                                               std::vector<double> signal) const {
-  IntervalSignal between{.start = std::move(signal), .end = {}};
-  between.end.assign(between.start.begin() + 1, between.start.end());
-  between.end.push_back(between.start.back());
-  const bool is_moved = is_slowed_ahead_of_map(blocks) ||
-                        std::any_of(options_.laws.begin(), options_.laws.end(),
-                                    [&](const LawInFit& law) { return acts_at(law, Place::kInput, recording); });
-  if (is_moved) return between;
+std::vector<bool> ValveFitProblem::held_halves(const Blocks& blocks, const VectorXd& v, std::size_t recording) const {
   const IntervalSignal& input = prepared_[recording].input;
-  for (std::size_t i = 0; i < between.start.size(); ++i) {
-    if (input.start[i] == input.end[i]) between.end[i] = between.start[i];
+  std::vector<bool> held(input.start.size(), false);
+  if (is_slowed_ahead_of_map(blocks)) return held;
+  const bool is_moved = std::any_of(options_.laws.begin(), options_.laws.end(),
+                                    [&](const LawInFit& law) { return acts_at(law, Place::kInput, recording); });
+  const IntervalSignal moved = is_moved ? behind_input_laws(v, recording) : IntervalSignal{};
+  const IntervalSignal& seen = is_moved ? moved : input;
+  for (std::size_t i = 0; i < held.size(); ++i) held[i] = seen.start[i] == seen.end[i];
+  return held;
+}
+
+IntervalSignal ValveFitProblem::between_halves(std::vector<double> signal, const std::vector<bool>& held) {
+  IntervalSignal between{.start = std::move(signal), .end = {}};
+  between.end = between.start;
+  for (std::size_t i = 0; i + 1 < between.start.size(); ++i) {
+    if (!held[i]) between.end[i] = between.start[i + 1];
   }
   return between;
 }
@@ -471,7 +477,7 @@ std::vector<double> ValveFitProblem::ahead_of_volume(const Blocks& blocks, const
   if (!blocks.valve.mode) return steady;
   const SampledValveDynamics mode = mode_of(blocks, recording);
   std::vector<double> filling(steady.size());
-  mode.run(between_halves(blocks, recording, steady), filling);
+  mode.run(between_halves(steady, held_halves(blocks, v, recording)), filling);
   add_start(mode, v, recording, mean_slope_psi_per_a_, filling);
   return filling;
 }
@@ -705,7 +711,10 @@ class ValveFitProblem::Columns {
         base_(problem.run(v, recording, true)),
         used_(static_cast<std::size_t>(problem.knots_), false),
         blocks_(problem.blocks_of(v, recording)) {
-    if (blocks_.valve.mode) mode_.emplace(problem.mode_of(blocks_, recording));
+    if (blocks_.valve.mode) {
+      mode_.emplace(problem.mode_of(blocks_, recording));
+      held_ = problem.held_halves(blocks_, v, recording);
+    }
     const StaticMap map = problem.map_of(v);
     for (const double x : base_.position) {
       slope_.push_back(map.slope(x));
@@ -758,7 +767,9 @@ class ValveFitProblem::Columns {
         const Blocks &here = blocks_, there = problem_.blocks_of(moved[k], recording_);
         const bool is_mode =
             mode_ && (here.valve.mode != there.valve.mode || here.valve.spool.delay_s != there.valve.spool.delay_s);
-        if (is_mode) {
+        if (mode_ && is_slowed_ahead_of_map(here) != is_slowed_ahead_of_map(there)) {
+          changes[k] = whole_change(moved[k], step);
+        } else if (is_mode) {
           changes[k] = mode_change(there, moved[k], step);
         } else if (moves_position(entry) || here.valve.loop_width_a != there.valve.loop_width_a ||
                    here.valve.narrow_loop_width_a != there.valve.narrow_loop_width_a ||
@@ -998,7 +1009,7 @@ class ValveFitProblem::Columns {
   /// A change of the steady pressure as the mode hands it on.
   void carry_mode(std::vector<double>& change) const {
     if (!mode_) return;
-    const IntervalSignal between = problem_.between_halves(blocks_, recording_, change);
+    const IntervalSignal between = between_halves(change, held_);
     mode_->run(between, change);
   }
 
@@ -1018,6 +1029,7 @@ class ValveFitProblem::Columns {
   bool has_steady_laws_ = false;
   Blocks blocks_;
   std::optional<SampledValveDynamics> mode_;  ///< behind the map
+  std::vector<bool> held_;                    ///< in which halves of samples what enters it is
 };
 
 void ValveFitProblem::output_tangents(const VectorXd& v, std::size_t recording, const Run& base,

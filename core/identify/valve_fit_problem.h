@@ -173,8 +173,10 @@ class ValveFitProblem {
   std::vector<Run> runs(const Eigen::VectorXd& v, std::span<const std::size_t> recordings, bool tangents) const;
   /// The mode behind the map with the delay, two steps a sample.
   SampledValveDynamics mode_of(const Blocks& blocks, std::size_t recording) const;
-  /// A signal behind the map, two values a sample, between them: held where the input is, straight elsewhere.
-  IntervalSignal between_halves(const Blocks& blocks, std::size_t recording, std::vector<double> signal) const;
+  /// In which halves of samples what enters the map is held: as what drives it is, nowhere where something slows it.
+  std::vector<bool> held_halves(const Blocks& blocks, const Eigen::VectorXd& v, std::size_t recording) const;
+  /// A signal behind the map, two values a sample, between them: held or straight.
+  static IntervalSignal between_halves(std::vector<double> signal, const std::vector<bool>& held);
   /// What the volume follows: the steady pressure, or what the mode makes of it.
   std::vector<double> ahead_of_volume(const Blocks& blocks, const Eigen::VectorXd& v, std::size_t recording,
                                       const std::vector<double>& steady) const;

@@ -91,6 +91,22 @@ TEST(ValveFitProblem, RunsFromItsLastLawOnAsFromTheStartBehindAMode) {
   EXPECT_NE(with.simulate(w, 0), without.simulate(v, 0));
 }
 
+TEST(ValveFitProblem, ALawOnTheInputWithoutEffectChangesNothingBehindAMode) {
+  const test::MadeValve valve = test::with_a_mode();
+  const auto recordings = test::session(valve, 0.35, 11);
+  ValveFitOptions options = options_at_105_psi(recordings);
+  options.usual = valve.usual;
+  ValveFitOptions wider = options;
+  const std::vector<double> none{0, 0.1, 0};
+  wider.laws.push_back(
+      {.law = find_mechanism("hysteresis"), .start = none, .lower = none, .upper = none, .step = {1e-4, 1e-4, 1e-4}});
+  const ValveFitProblem without(recordings, options), with(without, wider);
+  const Eigen::VectorXd v = without.start_vector(valve.parameters);
+  const Eigen::VectorXd w = with.start_vector(valve.parameters);
+  const std::vector<double> plain = without.simulate(v, 0), same = with.simulate(w, 0);
+  for (std::size_t i = 0; i < plain.size(); ++i) ASSERT_NEAR(same[i], plain[i], 1e-9) << i;
+}
+
 TEST(ValveFitProblem, ItsRowsAreTheSlopesOfItsRunsBehindAMode) {
   const test::MadeValve valve = test::with_a_mode();
   const auto recordings = test::session(valve, 0.35, 11);
@@ -121,9 +137,10 @@ TEST(ValveFitProblem, ItsRowsAreTheSlopesOfItsRunsBehindAMode) {
     EXPECT_LT(off, 0.01 * largest) << column;
   };
   for (const Eigen::Index j : {ValveFitProblem::kFrequency, ValveFitProblem::kDamping, ValveFitProblem::kTimeConstant,
-                               ValveFitProblem::kExponent}) {
+                               ValveFitProblem::kExponent, ValveFitProblem::kSupply}) {
     expect_slope(j, j, 1e-4);
   }
+  expect_slope(ValveFitProblem::kDelay, ValveFitProblem::kDelay, 1e-5);
   for (const Eigen::Index knot : {0, 2}) {
     expect_slope(ValveFitProblem::kParameters + knot, ValveFitProblem::kParameters + knot, 1e-3);
   }
