@@ -491,12 +491,16 @@ Result<Reference> learn_reference(std::span<const ValveRecordings> given, const 
   const auto first = fit_members(valves, *options, {}, report_part(report, 0, kFitted));
   if (!first) return tl::unexpected(first.error());
   const auto alike = used_members(*first);
-  options->start = middle_of(alike, *options);
+  // Behind the map a mode and a volume change places without a bend between them: the first valve's place may be a
+  // dent.
+  const bool has_mode = options->usual.prompt_spool_rad_s > 0;
+  options->start = has_mode ? middle_of(alike, *options) : alike.front()->fit.parameters;
   report_stage(report, kFitted, "learning what they have in common");
   const auto usual = learn_usual_mechanisms(recordings_of(alike), *options);
   if (!usual) return tl::unexpected(usual.error());
   options->usual = *usual;
-  const auto members = fit_members(valves, *options, *first, report_part(report, kUsualLearned, kFittedAgain));
+  const auto members = fit_members(valves, *options, has_mode ? *first : std::vector<Member>{},
+                                   report_part(report, kUsualLearned, kFittedAgain));
   if (!members) return tl::unexpected(members.error());
   return learn_with(*members, valve_type, *options, report_part(report, kFittedAgain, 1));
 }
