@@ -56,6 +56,11 @@ bool is_slowed_ahead_of_map(const Blocks& blocks) {
   return blocks.friction.breakaway_a > 0 || !blocks.valve.spool.lag_s.empty();
 }
 
+/// What the volume follows: what a mode makes of the steady pressure, or that itself.
+const std::vector<double>& into_volume(const std::vector<double>& steady, const std::vector<double>& filling) {
+  return filling.empty() ? steady : filling;
+}
+
 /// A rest goes on between two samples of it.
 std::vector<double> rests_between_samples(const std::vector<double>& rests) {
   std::vector<double> halves(2 * rests.size(), std::numeric_limits<double>::quiet_NaN());
@@ -474,7 +479,6 @@ IntervalSignal ValveFitProblem::between_halves(std::vector<double> signal, const
 
 std::vector<double> ValveFitProblem::ahead_of_volume(const Blocks& blocks, const VectorXd& v, std::size_t recording,
                                                      const std::vector<double>& steady) const {
-  if (!blocks.valve.mode) return steady;
   const SampledValveDynamics mode = mode_of(blocks, recording);
   std::vector<double> filling(steady.size());
   mode.run(between_halves(steady, held_halves(blocks, v, recording)), filling);
@@ -499,13 +503,14 @@ std::vector<ValveFitProblem::Run> ValveFitProblem::runs(const VectorXd& v, std::
     apply_laws(Place::kSteady, v, recordings[k], run.mapped, run.steady, nullptr);
     const Blocks blocks = blocks_of(v, recordings[k]);
     volumes.push_back(blocks.valve.volume);
-    run.filling = ahead_of_volume(blocks, v, recordings[k], run.steady);
+    if (blocks.valve.mode) run.filling = ahead_of_volume(blocks, v, recordings[k], run.steady);
   }
   std::vector<VolumeRun> through;
   for (std::size_t k = 0; k < runs.size(); ++k) {
     runs[k].asked = at_samples(runs[k].steady);
     runs[k].pressure.resize(runs[k].asked.size());
-    through.push_back(volume_run(v, recordings[k], volumes[k], runs[k].filling, runs[k].pressure));
+    through.push_back(
+        volume_run(v, recordings[k], volumes[k], into_volume(runs[k].steady, runs[k].filling), runs[k].pressure));
     if (tangents) through.back().tangent = &runs[k].tangent;
   }
   run_volumes(through);
@@ -575,7 +580,7 @@ std::vector<std::vector<double>> ValveFitProblem::simulate_behind_last(const Vec
         steady[k] =
             is_behind_map ? with_law(Place::kSteady, r, before_law.steady, before_law.mapped) : before_law.steady;
       }
-      filling[k] = ahead_of_volume(blocks, v, r, steady[k]);
+      if (blocks.valve.mode) filling[k] = ahead_of_volume(blocks, v, r, steady[k]);
     } else {
       outputs[k] = acts_at(law, Place::kOutput, r) ? with_law(Place::kOutput, r, before_law.output, before_law.asked)
                                                    : before_law.output;
@@ -590,7 +595,7 @@ std::vector<std::vector<double>> ValveFitProblem::simulate_behind_last(const Vec
   std::vector<VolumeRun> through;
   for (const std::size_t k : behind_map) {
     outputs[k].resize(prepared_[recordings[k]].recording->samples());
-    through.push_back(volume_run(v, recordings[k], volumes[k], filling[k], outputs[k]));
+    through.push_back(volume_run(v, recordings[k], volumes[k], into_volume(steady[k], filling[k]), outputs[k]));
   }
   run_volumes(through);
   for (const std::size_t k : behind_map) {
@@ -902,12 +907,9 @@ class ValveFitProblem::Columns {
   /// The spool's own return from a start off its rest, which nothing before the map changes.
   std::vector<double> spool_start_change(Index state) const {
     const SampledValveDynamics spool(blocks_.valve.spool, problem_.half_period_s(recording_));
-    SampledValveDynamics::State free = displaced_spool(spool, state == kSpoolRate ? 1 : 0, state == kSpoolRate ? 0 : 1);
     std::vector<double> change(base_.position.size(), 0.0);
-    for (std::size_t i = 0; i < change.size() && free.squaredNorm() > 1e-24; ++i) {
-      change[i] = slope_[i] * free(free.size() - 1);
-      free = spool.transition().lazyProduct(free).eval();
-    }
+    add_return(spool, state == kSpoolRate ? 1 : 0, state == kSpoolRate ? 0 : 1, change);
+    for (std::size_t i = 0; i < change.size(); ++i) change[i] *= slope_[i];
     carry_steady(change);
     return change;
   }
@@ -969,7 +971,8 @@ class ValveFitProblem::Columns {
     for (std::size_t n = 0; n < which.size(); ++n) {
       std::vector<double>& change = changes[which[n]];
       change.resize(base_.pressure.size());
-      through.push_back(problem_.volume_run(moved[which[n]], recording_, volumes[n], base_.filling, change));
+      through.push_back(problem_.volume_run(moved[which[n]], recording_, volumes[n],
+                                            into_volume(base_.steady, base_.filling), change));
     }
     run_volumes(through);
     for (const std::size_t k : which) {

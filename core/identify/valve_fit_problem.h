@@ -177,7 +177,7 @@ class ValveFitProblem {
   std::vector<bool> held_halves(const Blocks& blocks, const Eigen::VectorXd& v, std::size_t recording) const;
   /// A signal behind the map, two values a sample, between them: held or straight.
   static IntervalSignal between_halves(std::vector<double> signal, const std::vector<bool>& held);
-  /// What the volume follows: the steady pressure, or what the mode makes of it.
+  /// What the mode makes of the steady pressure.
   std::vector<double> ahead_of_volume(const Blocks& blocks, const Eigen::VectorXd& v, std::size_t recording,
                                       const std::vector<double>& steady) const;
   /// Adds what v has of the two states at the start, times `scale`, as the dynamics return from them.
