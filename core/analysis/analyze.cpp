@@ -178,7 +178,7 @@ std::string part_words(std::span<const Recording> given, const PartToFit& part) 
 Result<FreeRuns> run_reference(std::span<const Recording> recordings, const StageReport& report, Analysis& analysis) {
   const Reference& reference = *analysis.baseline.reference;
   if (const auto current = require_current(reference); !current) return tl::unexpected(current.error());
-  const ValveParameters usual{.volume = *reference.model.volume, .mode = mode_behind(reference.model)};
+  const ValveParameters usual{.volume = *reference.model.volume, .mode = reference.model.mode};
   const double memory_s = kMemories * usual.lag_behind_map_s();
   std::vector<Recording> kept;
   for (std::size_t r = 0; r < recordings.size(); ++r) {

@@ -12,8 +12,7 @@ namespace {
 std::optional<ValveParameters> parameters_of(const Model& model) {
   const auto spool = to_valve_dynamics(model.dynamics);
   if (model.kind != "valve" || !spool || !model.loop || !model.volume || !model.map) return std::nullopt;
-  ValveParameters parameters{.spool = *spool, .volume = *model.volume, .mode = mode_behind(model)};
-  if (parameters.mode) parameters.spool.delay_s += 2 / parameters.spool.natural_frequency_rad_s;
+  ValveParameters parameters{.spool = *spool, .volume = *model.volume, .mode = model.mode};
   parameters.narrow_loop_width_a = model.loop->width_a * model.loop->shares[0];
   parameters.loop_width_a = model.loop->width_a - parameters.narrow_loop_width_a;
   return parameters;

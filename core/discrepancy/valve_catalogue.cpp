@@ -56,14 +56,16 @@ MechanismScales scales_of(const LinearisedValve& fit, const ValveFitOptions& opt
   scales.reading_high = quantile_of_readings(fit, 1 - kAtTheStop);
   scales.output_range = 2 * options.reference_psi;
   scales.recordings = fit.problem().recordings();
-  scales.side_range.assign(fit.problem().recording(0).side.size(), 0.0);
-  for (std::size_t r = 0; r < fit.problem().recordings(); ++r) {
-    const std::vector<Channel>& side = fit.problem().recording(r).side;
-    for (std::size_t c = 0; c < side.size(); ++c) {
-      if (side[c].values.empty()) continue;
-      const auto [low, high] = std::minmax_element(side[c].values.begin(), side[c].values.end());
-      scales.side_range[c] = std::max(scales.side_range[c], *high - *low);
+  for (std::size_t c = 0; c < fit.problem().recording(0).side.size(); ++c) {
+    std::vector<double> values;
+    for (std::size_t r = 0; r < fit.problem().recordings(); ++r) {
+      const std::vector<Channel>& side = fit.problem().recording(r).side;
+      if (c < side.size()) values.insert(values.end(), side[c].values.begin(), side[c].values.end());
     }
+    if (values.empty()) values.push_back(0);
+    const auto [low, high] = std::minmax_element(values.begin(), values.end());
+    const double sum = std::accumulate(values.begin(), values.end(), 0.0);
+    scales.side.push_back({*low, *high, sum / static_cast<double>(values.size())});
   }
   for (std::size_t k = 0; k + 1 < options.knots.size(); ++k) {
     const auto knot = ValveFitProblem::kParameters + static_cast<Eigen::Index>(k);
@@ -183,12 +185,15 @@ void add_places(const LawInFit& law, const MechanismBounds& bounds, std::vector<
 }
 
 void add_channels(const LinearisedValve& fit, const LawInFit& law, const MechanismBounds& bounds,
-                  ValveCatalogue& catalogue) {
+                  const MechanismScales& scales, ValveCatalogue& catalogue) {
+  constexpr std::size_t kReference = 1;
   const std::size_t channels = fit.problem().recording(0).side.size();
   for (std::size_t c = 0; c < channels; ++c) {
     LawVariant variant{.law = law};
     variant.law.channel = c;
     variant.law.lower.back() = variant.law.upper.back() = static_cast<double>(c);
+    variant.law.lower[kReference] = scales.side[c].least;
+    variant.law.upper[kReference] = scales.side[c].largest;
     for (const auto& start : bounds.starts) {
       if (start.back() == static_cast<double>(c)) variant.starts.push_back(start);
     }
@@ -226,7 +231,7 @@ ValveCatalogue valve_catalogue(const LinearisedValve& fit, const ValveFitOptions
     } else if (acts_at_two_places(*mechanism, bounds)) {
       add_places(law, bounds, catalogue.variants);
     } else if (mechanism->cause == "side_input") {
-      add_channels(fit, law, bounds, catalogue);
+      add_channels(fit, law, bounds, scales, catalogue);
     } else {
       LawVariant variant{.law = law};
       for (const auto& start : bounds.starts) {

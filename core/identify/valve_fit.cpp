@@ -284,30 +284,18 @@ MagneticLoop loop_of(const ValveParameters& parameters, const UsualMechanisms& u
   return loop;
 }
 
-namespace {
-
-MechanismUse as_mechanism(const Mode& mode) {
-  const double frequency_hz = mode.natural_frequency_rad_s / (2 * std::numbers::pi);
-  return {.cause = "resonance", .parameters = {frequency_hz, mode.damping_ratio}};
-}
-
-}  // namespace
-
 Model to_model(const ValveParameters& parameters, const StaticMap& map, const UsualMechanisms& usual) {
   Model model;
   model.kind = "valve";
   model.input_unit = "A";
   model.output_unit = "psi";
   model.loop = loop_of(parameters, usual);
-  // As a model a prompt spool takes its own time.
-  ValveDynamics spool = parameters.spool;
-  if (parameters.mode) spool.delay_s = std::max(0.0, spool.delay_s - 2 / spool.natural_frequency_rad_s);
-  model.dynamics = to_transfer_function(spool);
+  model.dynamics = to_transfer_function(parameters.spool);
   model.map = map;
+  model.mode = parameters.mode;
   model.volume = parameters.volume;
   model.volume->air_share = usual.air_share;
   model.input_between = usual.input_between;
-  if (parameters.mode) model.mechanisms.push_back(as_mechanism(*parameters.mode));
   if (usual.gauge_lag_s > 0) model.mechanisms.push_back({.cause = "extra_lag", .parameters = {usual.gauge_lag_s, 0}});
   return model;
 }
@@ -320,19 +308,12 @@ UsualMechanisms usual_mechanisms(const Model& model) {
     for (std::size_t k = 1; k < usual.loop_shares.size(); ++k) usual.loop_shares[k] = model.loop->shares[k] / wide;
   }
   if (model.volume) usual.air_share = model.volume->air_share;
-  if (const auto spool = to_valve_dynamics(model.dynamics); spool && mode_behind(model)) {
+  if (const auto spool = to_valve_dynamics(model.dynamics); spool && model.mode) {
     usual.prompt_spool_rad_s = spool->natural_frequency_rad_s;
   }
-  const std::size_t gauge = usual.prompt_spool_rad_s > 0 ? 1 : 0;
-  const bool has_gauge = model.mechanisms.size() > gauge && model.mechanisms[gauge].cause == "extra_lag";
-  if (has_gauge) usual.gauge_lag_s = model.mechanisms[gauge].parameters.front();
+  const bool has_gauge = !model.mechanisms.empty() && model.mechanisms.front().cause == "extra_lag";
+  if (has_gauge) usual.gauge_lag_s = model.mechanisms.front().parameters.front();
   return usual;
-}
-
-std::optional<Mode> mode_behind(const Model& model) {
-  if (model.mechanisms.empty() || model.mechanisms.front().cause != "resonance") return std::nullopt;
-  const std::vector<double>& parameters = model.mechanisms.front().parameters;
-  return Mode{2 * std::numbers::pi * parameters[0], parameters[1]};
 }
 
 }  // namespace valvetriage

@@ -158,14 +158,11 @@ Result<std::vector<double>> map_knots(const InputSpan& span);
 /// Half of the largest output of the recordings, where a volume's time constant is quoted [psi].
 double reference_pressure(std::span<const Recording> recordings);
 
-/// Parameters and map as a Model: kind "valve", dynamics in the s domain; first among its mechanisms a mode behind the
-/// map as a `resonance` of what is read and the gauge as an `extra_lag`, where it has them. With a mode it is the
-/// fitted simulation to within a sample of the edges: the fit's spool takes no time, the model's a quarter of a sample.
+/// Parameters and map as a Model: kind "valve", dynamics in the s domain; the gauge's lag, where it has one, is the
+/// first of its mechanisms, an `extra_lag`.
 Model to_model(const ValveParameters& parameters, const StaticMap& map, const UsualMechanisms& usual = {});
 
 /// What such a model of a good valve has of them.
 UsualMechanisms usual_mechanisms(const Model& model);
-/// The mode behind its volume, where it has one.
-std::optional<Mode> mode_behind(const Model& model);
 
 }  // namespace valvetriage

@@ -40,7 +40,7 @@ SampledValveDynamics::State displaced_spool(const SampledValveDynamics& spool, d
   return state;
 }
 
-/// How a spool or a mode that starts off its rest returns to it, added to a signal.
+/// How a spool that starts off its rest returns to it, added to a signal.
 void add_return(const SampledValveDynamics& dynamics, double rate, double position, std::span<double> signal) {
   SampledValveDynamics::State free = displaced_spool(dynamics, rate, position);
   for (double& x : signal) {
@@ -54,6 +54,13 @@ void add_return(const SampledValveDynamics& dynamics, double rate, double positi
 template <typename Blocks>
 bool is_slowed_ahead_of_map(const Blocks& blocks) {
   return blocks.friction.breakaway_a > 0 || !blocks.valve.spool.lag_s.empty();
+}
+
+/// The volume as it is run. A spool comes to its stop ahead of a mode, and what the mode makes of it may go beyond.
+OrificeVolume volume_behind(const ValveParameters& valve) {
+  OrificeVolume volume = valve.volume;
+  if (valve.mode) volume.stop_psi = std::numeric_limits<double>::infinity();
+  return volume;
 }
 
 /// What the volume follows: what a mode makes of the steady pressure, or that itself.
@@ -432,28 +439,24 @@ std::vector<std::vector<double>> ValveFitProblem::positions(std::span<const RunA
     } else {
       const SampledValveDynamics spool(blocks[k].valve.spool, half_period_s(recording));
       if (!(blocks[k].friction.breakaway_a > 0)) spool.run(force, positions[k]);
-      if (!blocks[k].valve.mode) add_start(spool, *v, recording, 1, positions[k]);
+      if (!blocks[k].valve.mode) add_start(spool, *v, recording, positions[k]);
     }
     apply_laws(Place::kPosition, *v, recording, {}, positions[k], nullptr);
   }
   return positions;
 }
 
-void ValveFitProblem::add_start(const SampledValveDynamics& dynamics, const VectorXd& v, std::size_t recording,
-                                double scale, std::span<double> signal) const {
+void ValveFitProblem::add_start(const SampledValveDynamics& spool, const VectorXd& v, std::size_t recording,
+                                std::span<double> position) const {
   const Index own = own_at(recording);
-  add_return(dynamics, scale * v(own + kSpoolRate), scale * v(own + kSpoolPosition), signal);
+  add_return(spool, v(own + kSpoolRate), v(own + kSpoolPosition), position);
 }
 
-SampledValveDynamics ValveFitProblem::mode_of(const Blocks& blocks, std::size_t recording) const {
+SampledMode ValveFitProblem::mode_of(const Blocks& blocks, std::size_t recording) const {
   const ValveParameters& valve = blocks.valve;
-  // A prompt spool that something slows is run as it is and takes its own time, or half of what is between its values.
-  const double own_s = std::max(2 / valve.spool.natural_frequency_rad_s, 0.5 * half_period_s(recording));
-  const double spool_s = is_slowed_ahead_of_map(blocks) ? own_s : 0;
-  const ValveDynamics dynamics{.delay_s = std::max(0.0, valve.spool.delay_s - spool_s),
-                               .natural_frequency_rad_s = valve.mode->natural_frequency_rad_s,
-                               .damping_ratio = valve.mode->damping_ratio};
-  return {dynamics, half_period_s(recording)};
+  const double period_s = half_period_s(recording);
+  return {delayed_mode(*valve.mode, valve.spool, is_slowed_ahead_of_map(blocks), period_s),
+          valve.volume.fall_to_rise_ratio, period_s};
 }
 
 std::vector<bool> ValveFitProblem::held_halves(const Blocks& blocks, const VectorXd& v, std::size_t recording) const {
@@ -477,12 +480,17 @@ IntervalSignal ValveFitProblem::between_halves(std::vector<double> signal, const
   return between;
 }
 
-std::vector<double> ValveFitProblem::ahead_of_volume(const Blocks& blocks, const VectorXd& v, std::size_t recording,
-                                                     const std::vector<double>& steady) const {
-  const SampledValveDynamics mode = mode_of(blocks, recording);
-  std::vector<double> filling(steady.size());
-  mode.run(between_halves(steady, held_halves(blocks, v, recording)), filling);
-  add_start(mode, v, recording, mean_slope_psi_per_a_, filling);
+ValveFitProblem::Filling ValveFitProblem::ahead_of_volume(const Blocks& blocks, const VectorXd& v,
+                                                          std::size_t recording,
+                                                          const std::vector<double>& steady) const {
+  const Index own = own_at(recording);
+  const SampledMode::Start start{mean_slope_psi_per_a_ * v(own + kSpoolRate),
+                                 mean_slope_psi_per_a_ * v(own + kSpoolPosition)};
+  Filling filling{std::vector<double>(steady.size()), {}};
+  std::vector<double> asked = steady;
+  for (double& psi : asked) psi = std::min(psi, blocks.valve.volume.stop_psi);
+  filling.way = mode_of(blocks, recording)
+                    .run(between_halves(std::move(asked), held_halves(blocks, v, recording)), start, filling.psi);
   return filling;
 }
 
@@ -502,7 +510,7 @@ std::vector<ValveFitProblem::Run> ValveFitProblem::runs(const VectorXd& v, std::
     run.steady = run.mapped;
     apply_laws(Place::kSteady, v, recordings[k], run.mapped, run.steady, nullptr);
     const Blocks blocks = blocks_of(v, recordings[k]);
-    volumes.push_back(blocks.valve.volume);
+    volumes.push_back(volume_behind(blocks.valve));
     if (blocks.valve.mode) run.filling = ahead_of_volume(blocks, v, recordings[k], run.steady);
   }
   std::vector<VolumeRun> through;
@@ -510,7 +518,7 @@ std::vector<ValveFitProblem::Run> ValveFitProblem::runs(const VectorXd& v, std::
     runs[k].asked = at_samples(runs[k].steady);
     runs[k].pressure.resize(runs[k].asked.size());
     through.push_back(
-        volume_run(v, recordings[k], volumes[k], into_volume(runs[k].steady, runs[k].filling), runs[k].pressure));
+        volume_run(v, recordings[k], volumes[k], into_volume(runs[k].steady, runs[k].filling.psi), runs[k].pressure));
     if (tangents) through.back().tangent = &runs[k].tangent;
   }
   run_volumes(through);
@@ -570,7 +578,7 @@ std::vector<std::vector<double>> ValveFitProblem::simulate_behind_last(const Vec
       whole.push_back(k);
     } else if (is_behind_spool || is_behind_map || !(blocks.valve.volume == before.valve.volume)) {
       behind_map.push_back(k);
-      volumes[k] = blocks.valve.volume;
+      volumes[k] = volume_behind(blocks.valve);
       if (is_behind_spool) {
         std::vector<double> mapped = with_law(Place::kPosition, r, before_law.position, {});
         map.apply(mapped);
@@ -580,7 +588,7 @@ std::vector<std::vector<double>> ValveFitProblem::simulate_behind_last(const Vec
         steady[k] =
             is_behind_map ? with_law(Place::kSteady, r, before_law.steady, before_law.mapped) : before_law.steady;
       }
-      if (blocks.valve.mode) filling[k] = ahead_of_volume(blocks, v, r, steady[k]);
+      if (blocks.valve.mode) filling[k] = ahead_of_volume(blocks, v, r, steady[k]).psi;
     } else {
       outputs[k] = acts_at(law, Place::kOutput, r) ? with_law(Place::kOutput, r, before_law.output, before_law.asked)
                                                    : before_law.output;
@@ -771,7 +779,9 @@ class ValveFitProblem::Columns {
       } else {
         const Blocks &here = blocks_, there = problem_.blocks_of(moved[k], recording_);
         const bool is_mode =
-            mode_ && (here.valve.mode != there.valve.mode || here.valve.spool.delay_s != there.valve.spool.delay_s);
+            mode_ && (here.valve.mode != there.valve.mode || here.valve.spool.delay_s != there.valve.spool.delay_s ||
+                      here.valve.volume.stop_psi != there.valve.volume.stop_psi ||
+                      here.valve.volume.fall_to_rise_ratio != there.valve.volume.fall_to_rise_ratio);
         if (mode_ && is_slowed_ahead_of_map(here) != is_slowed_ahead_of_map(there)) {
           changes[k] = whole_change(moved[k], step);
         } else if (is_mode) {
@@ -916,9 +926,10 @@ class ValveFitProblem::Columns {
 
   /// The mode's own return from a start off its rest.
   std::vector<double> mode_start_change(Index state) const {
-    std::vector<double> change(base_.filling.size(), 0.0);
+    std::vector<double> change(base_.filling.psi.size(), 0.0);
     const double psi = problem_.mean_slope_psi_per_a_;
-    add_return(*mode_, state == kSpoolRate ? psi : 0, state == kSpoolPosition ? psi : 0, change);
+    const SampledMode::Start start{state == kSpoolRate ? psi : 0, state == kSpoolPosition ? psi : 0};
+    mode_->run_along(base_.filling.way, {change, change}, start, change);
     carry_volume(change);
     problem_.output_tangents(v_, recording_, base_, change);
     return change;
@@ -926,9 +937,10 @@ class ValveFitProblem::Columns {
 
   /// Another mode behind the same volume.
   std::vector<double> mode_change(const Blocks& there, const VectorXd& w, double step) const {
-    const std::vector<double> filling = problem_.ahead_of_volume(there, w, recording_, base_.steady);
+    const std::vector<double> filling = problem_.ahead_of_volume(there, w, recording_, base_.steady).psi;
     std::vector<double> change(base_.pressure.size());
-    const VolumeRun through = problem_.volume_run(w, recording_, there.valve.volume, filling, change);
+    const OrificeVolume volume = volume_behind(there.valve);
+    const VolumeRun through = problem_.volume_run(w, recording_, volume, filling, change);
     run_volumes({&through, 1});
     read_behind_lag(problem_.options_.usual.gauge_lag_s, period_s(), change);
     for (std::size_t i = 0; i < change.size(); ++i) change[i] = (change[i] - base_.pressure[i]) / step;
@@ -966,13 +978,13 @@ class ValveFitProblem::Columns {
   void change_volumes(const std::vector<Move>& moves, const std::vector<VectorXd>& moved,
                       const std::vector<std::size_t>& which, std::vector<std::vector<double>>& changes) const {
     std::vector<OrificeVolume> volumes;
-    for (const std::size_t k : which) volumes.push_back(problem_.blocks_of(moved[k], recording_).valve.volume);
+    for (const std::size_t k : which) volumes.push_back(volume_behind(problem_.blocks_of(moved[k], recording_).valve));
     std::vector<VolumeRun> through;
     for (std::size_t n = 0; n < which.size(); ++n) {
       std::vector<double>& change = changes[which[n]];
       change.resize(base_.pressure.size());
       through.push_back(problem_.volume_run(moved[which[n]], recording_, volumes[n],
-                                            into_volume(base_.steady, base_.filling), change));
+                                            into_volume(base_.steady, base_.filling.psi), change));
     }
     run_volumes(through);
     for (const std::size_t k : which) {
@@ -1012,8 +1024,9 @@ class ValveFitProblem::Columns {
   /// A change of the steady pressure as the mode hands it on.
   void carry_mode(std::vector<double>& change) const {
     if (!mode_) return;
+    for (std::size_t i = 0; i < change.size(); ++i) change[i] *= base_.steady[i] < blocks_.valve.volume.stop_psi;
     const IntervalSignal between = between_halves(change, held_);
-    mode_->run(between, change);
+    mode_->run_along(base_.filling.way, between, {}, change);
   }
 
   void carry_volume(std::vector<double>& change) const {
@@ -1031,8 +1044,8 @@ class ValveFitProblem::Columns {
   std::vector<bool> used_;                ///< which knots have any
   bool has_steady_laws_ = false;
   Blocks blocks_;
-  std::optional<SampledValveDynamics> mode_;  ///< behind the map
-  std::vector<bool> held_;                    ///< in which halves of samples what enters it is
+  std::optional<SampledMode> mode_;  ///< behind the map
+  std::vector<bool> held_;           ///< in which halves of samples what enters it is
 };
 
 void ValveFitProblem::output_tangents(const VectorXd& v, std::size_t recording, const Run& base,

@@ -9,6 +9,7 @@
 #include "core/identify/knot_curve.h"
 #include "core/identify/spool_rests.h"
 #include "core/identify/valve_fit.h"
+#include "core/model/sampled_mode.h"
 
 namespace valvetriage {
 
@@ -75,6 +76,12 @@ class ValveFitProblem {
   /// Σ n ln(mean square error) over recordings: their cost where the size of each one's error is not known beforehand.
   double scale_free_cost(const Eigen::VectorXd& v) const;
 
+  /// What a mode behind the map makes of the steady pressure, and the way it goes.
+  struct Filling {
+    std::vector<double> psi;
+    SampledMode::Way way;
+  };
+
   /// Every signal along the chain of one free run. Ahead of the volume two values a sample, there and half-way to the
   /// next; from it on one.
   struct Run {
@@ -82,7 +89,7 @@ class ValveFitProblem {
     std::vector<double> mapped;                      ///< map(x)
     std::vector<double> steady;                      ///< behind the steady laws
     std::vector<double> asked;                       ///< the same at the samples
-    std::vector<double> filling;                     ///< behind the mode, where there is one
+    Filling filling;                                 ///< behind the mode, where there is one
     std::vector<double> pressure;                    ///< behind the volume and the gauge
     std::vector<std::vector<double>> before_output;  ///< what enters each output law
     std::vector<double> output;
@@ -172,17 +179,17 @@ class ValveFitProblem {
   double half_period_s(std::size_t recording) const { return 0.5 * period_s(recording); }
   std::vector<Run> runs(const Eigen::VectorXd& v, std::span<const std::size_t> recordings, bool tangents) const;
   /// The mode behind the map with the delay, two steps a sample.
-  SampledValveDynamics mode_of(const Blocks& blocks, std::size_t recording) const;
+  SampledMode mode_of(const Blocks& blocks, std::size_t recording) const;
   /// In which halves of samples what enters the map is held: as what drives it is, nowhere where something slows it.
   std::vector<bool> held_halves(const Blocks& blocks, const Eigen::VectorXd& v, std::size_t recording) const;
   /// A signal behind the map, two values a sample, between them: held or straight.
   static IntervalSignal between_halves(std::vector<double> signal, const std::vector<bool>& held);
   /// What the mode makes of the steady pressure.
-  std::vector<double> ahead_of_volume(const Blocks& blocks, const Eigen::VectorXd& v, std::size_t recording,
-                                      const std::vector<double>& steady) const;
-  /// Adds what v has of the two states at the start, times `scale`, as the dynamics return from them.
-  void add_start(const SampledValveDynamics& dynamics, const Eigen::VectorXd& v, std::size_t recording, double scale,
-                 std::span<double> signal) const;
+  Filling ahead_of_volume(const Blocks& blocks, const Eigen::VectorXd& v, std::size_t recording,
+                          const std::vector<double>& steady) const;
+  /// Adds what v has of the two states at the start, as the spool returns from them.
+  void add_start(const SampledValveDynamics& spool, const Eigen::VectorXd& v, std::size_t recording,
+                 std::span<double> position) const;
   VolumeRun volume_run(const Eigen::VectorXd& v, std::size_t recording, const OrificeVolume& volume,
                        std::span<const double> filling, std::span<double> pressure) const;
   /// visit(knot, output) of every valid sample, with the knot nearest to its input.

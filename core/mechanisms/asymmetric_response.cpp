@@ -2,6 +2,8 @@
 //
 //   dp/dt ← (dp/dt) / ratio while p falls                                               core/model/orifice_volume.h
 //
+// and the same of a mode behind the map, where the valve has one                          core/model/sampled_mode.h
+//
 // Source     check valve or damping orifice that works one way: Merritt, Hydraulic Control Systems (1967), chapter 9
 // Looks like falling edges slower (or quicker) than rising ones by the same factor at every level; levels unchanged
 // Confused   with extra_lag (both ways), leakage and orifice_flow (levels move as well), rate_limit

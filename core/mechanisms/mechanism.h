@@ -48,7 +48,10 @@ struct MechanismScales {
   double output_range = 0;                   ///< R: the reference's range, else output_high − output_low
   double slope = 0;                          ///< steepest output per input of the model, for sizes in output units
   std::size_t recordings = 1;                ///< of the session
-  std::vector<double> side_range;            ///< largest minus smallest value of each side channel
+  struct Side {
+    double least = 0, largest = 0, mean = 0;
+  };
+  std::vector<Side> side;  ///< values of each side channel over the session
 };
 
 /// A point of the parameters with its bounds, all of the same length as the law's parameters.

@@ -1,6 +1,9 @@
 // side_input: a measured side channel acts on the output.
 //
-//   y ← y + k (s − mean s)   over the recording; a constant part is the offset's
+//   y ← y + k (s − s₀)
+//
+// s₀ is fitted as well, between the least and the largest value of the session: recordings are taken at one temperature
+// each as often as the temperature changes in one.
 //
 // `channel` is the index of the side channel; a Model stores its name (MechanismUse::channel).
 //
@@ -11,29 +14,34 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numeric>
 
 #include "core/mechanisms/bounds.h"
 
 namespace valvetriage {
 namespace {
 
-enum Parameter { kCoefficient, kChannel };
+enum Parameter { kCoefficient, kReference, kChannel };
 
-constexpr std::array<MechanismParameter, 2> kParameters{
+constexpr std::array<MechanismParameter, 3> kParameters{
     {{"coefficient", "psi per unit of the channel", "effect of the channel on the reading"},
+     {"reference", "unit of the channel", "where the channel has no effect", 0},
      {"channel", "", "index of the side channel, from 0", 0}}};
 constexpr std::array<std::string_view, 3> kConfusedWith{"sensor_drift", "thermal_drift", "sensor_offset"};
 
 MechanismBounds bounds(const MechanismScales& scales) {
-  MechanismBounds bounds{.lower = {0, 0}, .upper = {0, 0}, .step = {0, 0}, .starts = {}};
-  for (std::size_t c = 0; c < scales.side_range.size(); ++c) {
-    if (!(scales.side_range[c] > 0)) continue;
-    const double most = scales.output_range / scales.side_range[c];
-    bounds.upper = {std::max(bounds.upper[0], most), static_cast<double>(c)};
-    bounds.lower[0] = -bounds.upper[0];
-    bounds.step[0] = 1e-5 * bounds.upper[0];
-    bounds.starts.push_back({0.01 * most, static_cast<double>(c)});
+  MechanismBounds bounds{.lower = {0, 0, 0}, .upper = {0, 0, 0}, .step = {0, 0, 0}, .starts = {}};
+  for (std::size_t c = 0; c < scales.side.size(); ++c) {
+    const auto [least, largest, mean] = scales.side[c];
+    if (!(largest > least)) continue;
+    const double most = scales.output_range / (largest - least);
+    const bool is_first = bounds.starts.empty();
+    bounds.upper = {std::max(bounds.upper[kCoefficient], most),
+                    is_first ? largest : std::max(bounds.upper[kReference], largest), static_cast<double>(c)};
+    bounds.lower[kReference] = is_first ? least : std::min(bounds.lower[kReference], least);
+    bounds.lower[kCoefficient] = -bounds.upper[kCoefficient];
+    bounds.step[kCoefficient] = 1e-5 * bounds.upper[kCoefficient];
+    bounds.step[kReference] = std::max(bounds.step[kReference], 1e-4 * (largest - least));
+    bounds.starts.push_back({0.01 * most, mean, static_cast<double>(c)});
   }
   return bounds;
 }
@@ -43,10 +51,7 @@ void apply(std::span<const double> parameters, const LawContext& context, std::s
   if (parameters[kCoefficient] == 0 || channel >= context.side.size() || y.empty()) return;
   const std::vector<double>& s = context.side[channel].values;
   const std::size_t samples = std::min(s.size(), y.size());
-  if (samples == 0) return;
-  const auto end = s.begin() + static_cast<std::ptrdiff_t>(samples);
-  const double mean = std::accumulate(s.begin(), end, 0.0) / static_cast<double>(samples);
-  for (std::size_t i = 0; i < samples; ++i) y[i] += parameters[kCoefficient] * (s[i] - mean);
+  for (std::size_t i = 0; i < samples; ++i) y[i] += parameters[kCoefficient] * (s[i] - parameters[kReference]);
 }
 
 }  // namespace
@@ -56,7 +61,7 @@ extern constinit const Mechanism kSideInput{.order = 23,
                                             .family = "slow",
                                             .origin = "stand",
                                             .wrong = "a measured side channel acts on the output",
-                                            .law = "y ← y + k (s − mean s)",
+                                            .law = "y ← y + k (s − s₀)",
                                             .source = "temperature and supply sensitivity of a valve: ISO 10770-1",
                                             .signature = "a residual that follows a side channel, at every level",
                                             .confused_with = kConfusedWith,

@@ -45,7 +45,7 @@ Result<void> find_channel(const MechanismUse& use, std::span<const Channel> side
   if (found == side.end()) {
     return fail("missing_channel", fmt::format("the model's side_input needs the channel '{}'", use.channel));
   }
-  law.parameters[1] = static_cast<double>(found - side.begin());
+  law.parameters.back() = static_cast<double>(found - side.begin());
   return {};
 }
 

@@ -6,6 +6,7 @@
 
 #include "core/model/linear_filter.h"
 #include "core/model/model.h"
+#include "core/model/sampled_mode.h"
 
 namespace valvetriage {
 
@@ -40,9 +41,16 @@ Result<std::vector<double>> free_run(const Model& model, const SignalLaws& laws,
                                      double sample_period_s, std::span<const double> measured,
                                      const InitialState& initial, Horizon horizon);
 
-/// G as it is run at a sampling period: a z-domain recursion where it fits the period, else sampled exactly.
+/// A model's linear dynamics in their places, as they are run.
+struct RunDynamics {
+  LinearFilter ahead;                  ///< of the map: G, or 1 where a prompt spool is not slowed
+  std::optional<SampledMode> behind;   ///< the map: the mode, delayed
+  std::optional<ValveDynamics> spool;  ///< what `ahead` is where it is a spool
+};
+
+/// At the period of the inner intervals: a z-domain recursion where it fits the period, else sampled exactly.
 /// Errors  as `simulate` for a sample time that the system cannot be brought to
-Result<LinearFilter> sampled_dynamics(const TransferFunction& g, double sample_period_s);
+Result<RunDynamics> run_dynamics(const Model& model, double inner_period_s);
 
 /// Whether two sampling periods are one: their clocks differ by less than a crystal's 100 ppm.
 bool is_same_period(double one_s, double other_s);

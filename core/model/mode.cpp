@@ -1,6 +1,9 @@
 #include "core/model/mode.h"
 
+#include <algorithm>
 #include <cmath>
+
+#include "core/model/valve_dynamics.h"
 
 namespace valvetriage {
 namespace {
@@ -23,6 +26,13 @@ Transition transition(double angle, double damping) {
 }
 
 }  // namespace
+
+ValveDynamics delayed_mode(const Mode& mode, const ValveDynamics& spool, bool is_slowed, double period_s) {
+  const double taken_s = is_slowed ? std::max(2 / spool.natural_frequency_rad_s, 0.5 * period_s) : 0;
+  return {.delay_s = std::max(0.0, spool.delay_s - taken_s),
+          .natural_frequency_rad_s = mode.natural_frequency_rad_s,
+          .damping_ratio = mode.damping_ratio};
+}
 
 void read_behind_mode(const Mode& mode, double sample_period_s, std::span<double> signal) {
   if (signal.size() < 2) return;

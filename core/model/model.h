@@ -8,6 +8,7 @@
 
 #include "core/model/machine.h"
 #include "core/model/magnetic_loop.h"
+#include "core/model/mode.h"
 #include "core/model/orifice_volume.h"
 #include "core/model/spool_friction.h"
 #include "core/model/static_map.h"
@@ -31,17 +32,20 @@ struct MechanismUse {
 ///
 ///   linear   y(t) = G (u − input_offset) + output_offset
 ///   valve    u → magnetic loop → G (delay and spool, static gain 1) → static map → volume → + output_offset
+///            u → magnetic loop → static map → mode, delayed as G → volume → + output_offset
 ///
 ///   machine  the chain of blocks in `machine`, with offsets and laws of its own (G, map and offsets are not used)
 ///
 /// The valve's blocks stand in the order of the physics: coil and magnet, spool, orifice, fluid volume. The map carries
-/// the unit; loop and volume may be absent. Linear models carry gain and delay in G.
+/// the unit; loop and volume may be absent. Where the dynamics follow the map there is a mode, and G is a prompt spool:
+/// it is run only where a law slows it, without its delay (mode.h). Linear models carry gain and delay in G.
 struct Model {
   std::string kind;                     ///< "valve" (map), "linear" or "machine"
   std::string input_unit, output_unit;  ///< "A", "psi" or ""
   std::optional<MagneticLoop> loop;
   TransferFunction dynamics;  ///< s or z domain; delay lives here
   std::optional<StaticMap> map;
+  std::optional<Mode> mode;
   std::optional<OrificeVolume> volume;
   std::optional<Machine> machine;         ///< kind "machine"
   std::optional<SpoolFriction> friction;  ///< of a valve's spool; made from `mechanisms`, never stored by itself

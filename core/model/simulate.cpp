@@ -45,7 +45,7 @@ Result<void> require_stable(const TransferFunction& g) {
 
 /// Where a free run starts, beside rest at the first input.
 struct StartState {
-  std::vector<double> moved;  ///< states of G, from rest
+  std::vector<double> moved;  ///< states of G or of the mode, from rest
   double volume_gap = 0;      ///< of the volume from its steady pressure
   double memory = 0;          ///< of the loop and the friction
   LawMemories memories;
@@ -53,30 +53,42 @@ struct StartState {
 
 /// Friction's part in the response of a spool, a pair of poles and perhaps a lag: what the sliding spool does beside
 /// the free one.
-void slide(const SpoolFriction& friction, const TransferFunction& g, const LinearFilter& filter,
-           const IntervalSignal& v, double memory, double sample_period_s, std::span<double> y) {
-  const auto spool = to_valve_dynamics(g);
-  if (!spool || spool->lag_s.size() > 1) return;
+void slide(const SpoolFriction& friction, const RunDynamics& dynamics, const IntervalSignal& v, double memory,
+           double sample_period_s, std::span<double> y) {
+  const LinearFilter& filter = dynamics.ahead;
+  if (!dynamics.spool || dynamics.spool->lag_s.size() > 1) return;
   FilterState rest = filter.steady(v.start.front()).value_or(filter.rest());
   rest.past = v.start.front();
   std::vector<double> free(y.size()), sliding(y.size());
   filter.run(rest, std::span(v.start).first(y.size()), std::span(v.end).first(y.size()), free);
-  run_sliding_spool(*spool, friction, sample_period_s, v, memory, sliding);
+  run_sliding_spool(*dynamics.spool, friction, sample_period_s, v, memory, sliding);
   for (std::size_t i = 0; i < y.size(); ++i) y[i] += sliding[i] - free[i];
+}
+
+/// A signal behind the map between its samples: held where what entered the map is, straight elsewhere.
+std::vector<double> ends_behind_map(const IntervalSignal& entered, bool is_slowed, std::span<const double> signal) {
+  std::vector<double> end(signal.begin(), signal.end());
+  for (std::size_t i = 0; i + 1 < end.size(); ++i) {
+    if (is_slowed || entered.start[i] != entered.end[i]) end[i] = signal[i + 1];
+  }
+  return end;
 }
 
 /// A model with its laws in one recording, ready to run from any state.
 class FreeRun {
  public:
-  /// input, filter  the inner intervals, and G at their period
-  FreeRun(const Model& model, const SignalLaws& laws, const LinearFilter& filter, const IntervalSignal& input,
+  /// input, dynamics  the inner intervals, and what is run at their period
+  FreeRun(const Model& model, const SignalLaws& laws, const RunDynamics& dynamics, const IntervalSignal& input,
           double sample_period_s)
-      : model_(model), laws_(laws), filter_(filter), input_(input), sample_period_s_(sample_period_s) {}
+      : model_(model), laws_(laws), dynamics_(dynamics), input_(input), sample_period_s_(sample_period_s) {
+    // A spool comes to its stop ahead of a mode, and what the mode makes of it may go beyond.
+    if (volume_ && dynamics_.behind) std::swap(stop_psi_, volume_->stop_psi);
+  }
 
   std::size_t samples() const { return input_.start.size() / per_sample_; }
 
   StartState at_rest() const {
-    return {.moved = std::vector<double>(filter_.order()),
+    return {.moved = std::vector<double>(moving()),
             .memory = model_.loop ? model_.loop->memory : 0,
             .memories = laws_.memories};
   }
@@ -85,23 +97,29 @@ class FreeRun {
   void respond(const StartState& from, std::span<double> y) const {
     const IntervalSignal v = driving_signal(from, per_sample_ * y.size());
     std::vector<double> x(v.start.size());
-    FilterState state = filter_.steady(v.start.front()).value_or(filter_.rest());
+    FilterState state = dynamics_.ahead.steady(v.start.front()).value_or(dynamics_.ahead.rest());
     state.past = v.start.front();
-    for (std::size_t j = 0; j < from.moved.size(); ++j) state.x[j] += from.moved[j];
-    filter_.run(state, v.start, v.end, x);
+    for (std::size_t j = 0; !dynamics_.behind && j < from.moved.size(); ++j) state.x[j] += from.moved[j];
+    dynamics_.ahead.run(state, v.start, v.end, x);
     if (model_.friction) {
       const double period_s = sample_period_s_ / static_cast<double>(per_sample_);
-      slide(*model_.friction, model_.dynamics, filter_, v, from.memory, period_s, x);
+      slide(*model_.friction, dynamics_, v, from.memory, period_s, x);
     }
     if (laws_.at_position) laws_.at_position(from.memories, x);
     if (model_.map) model_.map->apply(x);
     if (laws_.at_steady) laws_.at_steady(x);
-    if (model_.volume) {
-      const double first_psi = settled_psi(*model_.volume, x[0]) + from.volume_gap;
-      run_volume(*model_.volume, sample_period_s_, first_psi, x, y);
+    const std::vector<double> steady = per_sample_ == 2 ? at_samples(x) : x;
+    if (dynamics_.behind) {
+      for (double& value : x) value = std::min(value, stop_psi_);
+      const std::vector<double> end = ends_behind_map(v, dynamics_.spool.has_value(), x);
+      dynamics_.behind->run({.start = x, .end = end}, {from.moved[0], from.moved[1]}, x);
     }
-    const std::vector<double> steady = per_sample_ == 2 ? at_samples(x) : std::move(x);
-    if (!model_.volume) std::copy(steady.begin(), steady.end(), y.begin());
+    if (volume_) {
+      const double first_psi = settled_psi(*volume_, x[0]) + from.volume_gap;
+      run_volume(*volume_, sample_period_s_, first_psi, x, y);
+    } else {
+      std::copy(x.begin(), x.end(), y.begin());
+    }
     for (double& value : y) value += model_.output_offset;
     if (laws_.at_output) laws_.at_output(steady, y);
   }
@@ -176,7 +194,8 @@ class FreeRun {
   /// there; a memory towards its middle, for it ends at one.
   std::vector<double> probes(const StartState& start) const {
     const auto inwards = [](double memory) { return memory > 0 ? -0.01 : 0.01; };
-    std::vector<double> probes(filter_.order(), is_bent() ? 1e-5 : 1.0);
+    constexpr double kLittle_a = 1e-5, kLittle_psi = 1e-3;
+    std::vector<double> probes(moving(), dynamics_.behind ? kLittle_psi : is_bent() ? kLittle_a : 1.0);
     if (model_.volume) probes.push_back(1);
     if (has_memory()) probes.push_back(inwards(start.memory));
     for (const double memory : start.memories) probes.push_back(inwards(memory));
@@ -269,9 +288,14 @@ class FreeRun {
     return columns;
   }
 
+  /// How many states move when it starts off its rest: the mode's, or those of G.
+  std::size_t moving() const { return dynamics_.behind ? 2 : dynamics_.ahead.order(); }
+
   const Model& model_;
   const SignalLaws& laws_;
-  const LinearFilter& filter_;
+  const RunDynamics& dynamics_;
+  std::optional<OrificeVolume> volume_ = model_.volume;
+  double stop_psi_ = std::numeric_limits<double>::infinity();  ///< ahead of a mode
   const IntervalSignal& input_;
   double sample_period_s_;
   std::size_t per_sample_ = runs_per_sample(model_);
@@ -346,6 +370,8 @@ bool is_same_period(double one_s, double other_s) {
   return std::abs(one_s - other_s) <= kClockTolerance * other_s;
 }
 
+namespace {
+
 Result<LinearFilter> sampled_dynamics(const TransferFunction& g, double sample_period_s) {
   if (g.domain == Domain::kS) return LinearFilter::sampled(g, sample_period_s);
   if (is_same_period(g.sample_time_s, sample_period_s)) {
@@ -362,6 +388,25 @@ Result<LinearFilter> sampled_dynamics(const TransferFunction& g, double sample_p
   return LinearFilter::sampled(*continuous, sample_period_s);
 }
 
+}  // namespace
+
+Result<RunDynamics> run_dynamics(const Model& model, double inner_period_s) {
+  TransferFunction g = model.dynamics;
+  auto spool = to_valve_dynamics(g);
+  std::optional<SampledMode> behind;
+  if (spool && model.mode) {
+    const bool is_slowed = model.friction || !spool->lag_s.empty();
+    behind.emplace(delayed_mode(*model.mode, *spool, is_slowed, inner_period_s),
+                   model.volume ? model.volume->fall_to_rise_ratio : 1, inner_period_s);
+    spool->delay_s = 0;
+    g = is_slowed ? to_transfer_function(*spool) : TransferFunction{.domain = Domain::kS, .gain = 1};
+    if (!is_slowed) spool.reset();
+  }
+  auto ahead = sampled_dynamics(g, inner_period_s);
+  if (!ahead) return tl::unexpected(ahead.error());
+  return RunDynamics{std::move(*ahead), std::move(behind), std::move(spool)};
+}
+
 IntervalSignal inner_intervals(const Model& model, const IntervalSignal& input) {
   return runs_per_sample(model) == 2 ? halved(input) : input;
 }
@@ -372,11 +417,11 @@ Result<std::vector<double>> free_run(const Model& model, const SignalLaws& laws,
   if (horizon == Horizon::kUnbounded) {
     if (const auto stable = require_stable(model.dynamics); !stable) return tl::unexpected(stable.error());
   }
-  const auto filter = sampled_dynamics(model.dynamics, sample_period_s / static_cast<double>(runs_per_sample(model)));
-  if (!filter) return tl::unexpected(filter.error());
+  const auto dynamics = run_dynamics(model, sample_period_s / static_cast<double>(runs_per_sample(model)));
+  if (!dynamics) return tl::unexpected(dynamics.error());
   if (inner_input.start.empty()) return std::vector<double>{};
 
-  const FreeRun run(model, laws, *filter, inner_input, sample_period_s);
+  const FreeRun run(model, laws, *dynamics, inner_input, sample_period_s);
   const bool measured_start = initial.kind == InitialState::Kind::kMeasured;
   const auto first = measured.first(measured_start ? std::min(initial.samples, measured.size()) : 0);
   std::vector<double> y(run.samples());

@@ -5,7 +5,9 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <limits>
 #include <span>
+#include <utility>
 
 #include "core/mechanisms/simulate_extended.h"
 #include "core/model/free_run.h"
@@ -100,7 +102,7 @@ constexpr LawText kLawTexts[] = {
     {"sensor_offset", "", "", "x += {0};"},
     {"sensor_drift", "", "", "x += {0} * ((double)m->samples * T);"},
     {"intermittent", "", "", "x *= 1 + {1} * fmin(fmax(((double)m->samples * T - ({0})) / T + 0.5, 0), 1);"},
-    {"side_input", "", "", "x += {0} * side;"},
+    {"side_input", "", "", "x += {0} * (side - {1});"},
 };
 
 /// What laws call.
@@ -169,53 +171,140 @@ Result<void> check(const Model& model) {
 
 /// The linear system in observer chain form behind its delay; `rise` is how far the input goes over an interval.
 constexpr const char* kFilter = R"c(
+typedef struct {
+  double x[ORDER + 1], u_before, rise_before, late_start[DELAY + 1], late_rise[DELAY + 1];
+  size_t oldest;
+} ahead_state;
+
+/* What the filter sees at this sample: the start of the interval of DELAY intervals ago. */
+static double ahead_now(const ahead_state *f, double start) {
+  return DELAY > 0 ? f->late_start[f->oldest] : start;
+}
+
 /* y = x[0] + direct . (u, rise, u before, rise before); the rise of this interval is known at the next sample. */
-static double filter_output(const valvetriage_model *m, double u) {
-  double y = ORDER > 0 ? m->x[0] : 0;
-  y += direct[0] * u;
-  if (COLUMNS == 4) y += direct[2] * m->u_before + direct[3] * m->rise_before;
+static double ahead_output(const ahead_state *f, double start) {
+  double y = ORDER > 0 ? f->x[0] : 0;
+  y += direct[0] * ahead_now(f, start);
+  if (COLUMNS == 4) y += direct[2] * f->u_before + direct[3] * f->rise_before;
   return y;
 }
 
-static void filter_advance(valvetriage_model *m, double u, double rise) {
-  double before = 0;
+/* Over an interval. The whole part of the delay: intervals go in as they end, the one of DELAY intervals ago comes
+   out. */
+static void ahead_advance(ahead_state *f, double start, double rise) {
+  double before = 0, u = start, climb = rise;
   int j;
+  if (DELAY > 0) {
+    u = f->late_start[f->oldest];
+    climb = f->late_rise[f->oldest];
+    f->late_start[f->oldest] = start;
+    f->late_rise[f->oldest] = rise;
+    f->oldest = (f->oldest + 1) % (DELAY > 0 ? DELAY : 1);
+  }
   for (j = 0; j < ORDER; ++j) {
     const double *w = input_row + j * COLUMNS;
-    double next = diagonal[j] * m->x[j] + lower[j] * before + (j + 1 < ORDER ? m->x[j + 1] : 0) + w[0] * u;
-    if (COLUMNS >= 2) next += w[1] * rise;
-    if (COLUMNS == 4) next += w[2] * m->u_before + w[3] * m->rise_before;
-    before = m->x[j];
-    m->x[j] = fabs(next) < 1e-200 ? 0 : next;
+    double next = diagonal[j] * f->x[j] + lower[j] * before + (j + 1 < ORDER ? f->x[j + 1] : 0) + w[0] * u;
+    if (COLUMNS >= 2) next += w[1] * climb;
+    if (COLUMNS == 4) next += w[2] * f->u_before + w[3] * f->rise_before;
+    before = f->x[j];
+    f->x[j] = fabs(next) < 1e-200 ? 0 : next;
   }
-  m->u_before = u;
-  m->rise_before = rise;
+  f->u_before = u;
+  f->rise_before = climb;
 }
 
-/* The whole part of the delay: intervals go in as they end, the one of DELAY intervals ago comes out. */
-static void delayed_advance(valvetriage_model *m, double start, double rise) {
-#if DELAY > 0
-  const double late_start = m->late_start[m->oldest], late_rise = m->late_rise[m->oldest];
-  m->late_start[m->oldest] = start;
-  m->late_rise[m->oldest] = rise;
-  m->oldest = (m->oldest + 1) % DELAY;
-  filter_advance(m, late_start, late_rise);
-#else
-  filter_advance(m, start, rise);
-#endif
-}
-
-/* What the filter sees at this sample: the start of the interval of DELAY intervals ago. */
-static double delayed_now(const valvetriage_model *m, double start) {
-#if DELAY > 0
-  (void)start;
-  return m->late_start[m->oldest];
-#else
-  (void)m;
-  return start;
-#endif
+/* At rest under a constant input. */
+static void ahead_begin(ahead_state *f, double start) {
+  int j;
+  for (j = 0; j < ORDER; ++j) f->x[j] = at_rest[j] * start;
+  for (j = 0; j < DELAY; ++j) f->late_start[j] = start;
+  f->u_before = start;
 }
 )c";
+
+/// core/model/sampled_mode.cpp in C.
+constexpr const char* kMode = R"c(
+typedef struct {
+  double rate, at, seen[4], late_start[MODE_DELAY + 1], late_end[MODE_DELAY + 1];
+  size_t oldest;
+} behind_state;
+
+static double behind_output(const behind_state *f, double start) {
+  (void)start;
+  return f->at;
+}
+
+static void behind_advance(behind_state *f, double start, double rise) {
+  double head_start = start, head_end = start + rise, sum, rate, at;
+  const double *w, *gain;
+  int k;
+  if (MODE_DELAY > 0) {
+    head_start = f->late_start[f->oldest];
+    head_end = f->late_end[f->oldest];
+    f->late_start[f->oldest] = start;
+    f->late_end[f->oldest] = start + rise;
+    f->oldest = (f->oldest + 1) % (MODE_DELAY > 0 ? MODE_DELAY : 1);
+  }
+  f->seen[0] = f->seen[2];
+  f->seen[1] = f->seen[3];
+  f->seen[2] = head_start;
+  f->seen[3] = head_end;
+  sum = f->seen[0] + f->seen[1] + f->seen[2] + f->seen[3];
+  w = 0.25 * sum < f->at ? falling : rising;
+  gain = 0.25 * sum < f->at ? falling_gain : rising_gain;
+  rate = w[0] * f->rate + w[1] * f->at;
+  at = w[2] * f->rate + w[3] * f->at;
+  for (k = 0; k < 4; ++k) {
+    rate += gain[2 * k] * f->seen[k];
+    at += gain[2 * k + 1] * f->seen[k];
+  }
+  f->rate = rate;
+  f->at = at;
+}
+
+static void behind_begin(behind_state *f, double start) {
+  int j;
+  f->at = start;
+  for (j = 0; j < 4; ++j) f->seen[j] = start;
+  for (j = 0; j < MODE_DELAY; ++j) f->late_start[j] = f->late_end[j] = start;
+}
+)c";
+
+std::string mode_text(const SampledMode& mode) {
+  std::string text = fmt::format("#define MODE_DELAY {}\n", mode.whole_delay());
+  for (const bool falls : {false, true}) {
+    const SampledMode::Step& step = mode.step(falls);
+    std::vector<double> transition, gain;
+    for (const auto& row : step.transition) transition.insert(transition.end(), row.begin(), row.end());
+    for (const auto& column : step.gain) gain.insert(gain.end(), column.begin(), column.end());
+    const std::string_view name = falls ? "falling" : "rising";
+    text += c_array(name, transition) + c_array(fmt::format("{}_gain", name), gain);
+  }
+  return text + kMode;
+}
+
+/// Without a mode the volume follows the map.
+constexpr const char* kNoMode = R"c(
+typedef struct { char none; } behind_state;
+static double behind_output(const behind_state *f, double start) { (void)f; return start; }
+static void behind_advance(behind_state *f, double start, double rise) { (void)f; (void)start; (void)rise; }
+static void behind_begin(behind_state *f, double start) { (void)f; (void)start; }
+)c";
+
+std::string filter_text(const LinearFilter& filter) {
+  const ChainForm& chain = filter.chain();
+  std::vector<double> rows;
+  for (Eigen::Index j = 0; j < chain.input.rows(); ++j) {
+    for (Eigen::Index c = 0; c < chain.input.cols(); ++c) rows.push_back(chain.input(j, c));
+  }
+  const FilterState rest = filter.steady(1.0).value_or(filter.rest());
+  const std::vector<double> direct(chain.direct.begin(), chain.direct.end());
+  return fmt::format("#define ORDER {}\n#define COLUMNS {}\n#define DELAY {}\n", filter.order(), chain.input.cols(),
+                     filter.delay_samples()) +
+         c_array("diagonal", chain.diagonal) + c_array("lower", chain.lower) + c_array("input_row", rows) +
+         fmt::format("static const double direct[4] = {{{}}};\n", c_numbers(direct)) + c_array("at_rest", rest.x) +
+         kFilter;
+}
 
 /// core/model/spool_friction.cpp in C; the intervals of its delay in a ring.
 constexpr const char* kSlidingSpool = R"c(
@@ -388,6 +477,7 @@ void valvetriage_start(valvetriage_model *m, double input, double input_noise) {
 static double asked_for(valvetriage_model *m, double input, int is_step) {
   const double driver_before = m->driver;
   double start, y;
+  int is_held = 0;
   m->driver = gated(m->driver, input, m->noise);
   if (m->runs > 0) {
     /* the interval that ends here */
@@ -405,31 +495,26 @@ static double asked_for(valvetriage_model *m, double input, int is_step) {
     }
     start -= INPUT_OFFSET;
     end -= INPUT_OFFSET;
-    delayed_advance(m, m->start, end - m->start);
+    is_held = !IS_SLOWED && end == m->start;
+    ahead_advance(&m->ahead, m->start, end - m->start);
     spool_advance(m, m->start, end);
   } else {
-    int j;
     start = input_laws(m, input, m->driver, 1);
     m->force_driver = m->loop_driver = start;
     m->held_back = loop_held_back(m, start);
     start -= m->held_back + INPUT_OFFSET;
-    for (j = 0; j < ORDER; ++j) m->x[j] = at_rest[j] * start;
+    ahead_begin(&m->ahead, start);
     spool_begin(m, start);
-    m->u_before = start;
-    m->rise_before = 0;
-#if DELAY > 0
-    for (j = 0; j < DELAY; ++j) {
-      m->late_start[j] = start;
-      m->late_rise[j] = 0;
-    }
-#endif
   }
   m->start = start;
-  y = spool_output(m, filter_output(m, delayed_now(m, start)));
+  y = spool_output(m, ahead_output(&m->ahead, start));
   y = position_laws(m, y, m->runs == 0);
-  y = map_laws(m, steady_output(y), m->runs == 0);
+  y = fmin(map_laws(m, steady_output(y), m->runs == 0), MAP_STOP);
+  if (m->runs == 0) behind_begin(&m->behind, y);
+  else behind_advance(&m->behind, m->mapped, is_held ? 0 : y - m->mapped);
+  m->mapped = y;
   ++m->runs;
-  return y;
+  return behind_output(&m->behind, y);
 }
 
 double valvetriage_step(valvetriage_model *m, double input, int is_step, double side) {
@@ -500,15 +585,9 @@ Result<std::string> to_c(const Model& given, double sample_period_s) {
   if (!model) return tl::unexpected(model.error());
   if (auto checked = check(*model); !checked) return tl::unexpected(checked.error());
   const double inner_period_s = sample_period_s / static_cast<double>(runs_per_sample(*model));
-  const auto filter = sampled_dynamics(model->dynamics, inner_period_s);
-  if (!filter) return tl::unexpected(filter.error());
+  const auto dynamics = run_dynamics(*model, inner_period_s);
+  if (!dynamics) return tl::unexpected(dynamics.error());
 
-  const ChainForm& chain = filter->chain();
-  std::vector<double> rows;
-  for (Eigen::Index j = 0; j < chain.input.rows(); ++j) {
-    for (Eigen::Index c = 0; c < chain.input.cols(); ++c) rows.push_back(chain.input(j, c));
-  }
-  const FilterState rest = filter->steady(1.0).value_or(filter->rest());
   const double gain = model->map ? 1 : static_gain(model->dynamics);
   const bool is_valve = model->map.has_value(), is_held = model->input_between == InputBetween::kHeld;
   const double low_a = is_valve ? model->map->input.front() : given.input_offset;
@@ -522,24 +601,24 @@ Result<std::string> to_c(const Model& given, double sample_period_s) {
               .is_step = is_held ? "does not count: the command is held between all of its samples"
                                  : "1 where the command was held until this sample and jumped here, 0 where it went "
                                    "straight",
-              .side = "deviation of the side channel from its mean; 0 where the model has none",
+              .side = "the side channel; does not count where the model has none",
               .input_noise = "is the standard deviation of the noise on\n * the input, 0 for a command",
               .more = ""});
-  text +=
-      c_define("T", sample_period_s) + c_define("H", inner_period_s) +
-      fmt::format("#define HAS_VOLUME {}\n#define IS_HELD {}\n#define ORDER {}\n#define COLUMNS {}\n#define DELAY {}\n",
-                  model->volume ? 1 : 0, is_held ? 1 : 0, filter->order(), chain.input.cols(), filter->delay_samples());
+  text += c_define("T", sample_period_s) + c_define("H", inner_period_s) +
+          fmt::format("#define HAS_VOLUME {}\n#define IS_HELD {}\n#define IS_SLOWED {}\n", model->volume ? 1 : 0,
+                      is_held ? 1 : 0, dynamics->spool ? 1 : 0);
   text += c_define("INPUT_OFFSET", given.input_offset) + c_define("OUTPUT_OFFSET", given.output_offset);
   text += c_define("R", std::abs(rise)) + c_define("MIDDLE", 0.5 * (low_a + high_a)) + c_define("REST", low_a) +
           c_define("SECANT", is_valve ? rise / (high_a - low_a) : gain);
   text += c_define("LOOP_WIDTH", model->loop ? model->loop->width_a : 0);
-  if (model->volume) text += volume_constants(*model->volume);
-  const bool slides = is_valve && model->friction;
-  if (slides) text += spool_constants(*to_valve_dynamics(model->dynamics), *model->friction, inner_period_s);
-  const std::vector<double> direct(chain.direct.begin(), chain.direct.end());
-  text += c_array("diagonal", chain.diagonal) + c_array("lower", chain.lower) + c_array("input_row", rows) +
-          fmt::format("static const double direct[4] = {{{}}};\n", c_numbers(direct)) + c_array("at_rest", rest.x) +
-          c_array("loop_threshold", model->loop.value_or(MagneticLoop{}).thresholds_a()) +
+  // A spool comes to its stop ahead of a mode, and what the mode makes of it may go beyond.
+  constexpr double kNone = std::numeric_limits<double>::infinity();
+  OrificeVolume volume = model->volume.value_or(OrificeVolume{});
+  text += c_define("MAP_STOP", dynamics->behind ? std::exchange(volume.stop_psi, kNone) : kNone);
+  if (model->volume) text += volume_constants(volume);
+  const bool slides = is_valve && model->friction && dynamics->spool;
+  if (slides) text += spool_constants(*dynamics->spool, *model->friction, inner_period_s);
+  text += c_array("loop_threshold", model->loop.value_or(MagneticLoop{}).thresholds_a()) +
           c_array("loop_share", model->loop ? model->loop->shares : MagneticLoop::kEqualShares);
   if (is_valve) {
     text += fmt::format("#define KNOTS {}\n", model->map->input.size());
@@ -548,11 +627,11 @@ Result<std::string> to_c(const Model& given, double sample_period_s) {
 
   const CLaws input = laws_at(*model, Place::kInput), position = laws_at(*model, Place::kPosition),
               steady = laws_at(*model, Place::kSteady), output = laws_at(*model, Place::kOutput);
+  text += filter_text(dynamics->ahead);
+  text += dynamics->behind ? mode_text(*dynamics->behind) : kNoMode;
   text +=
       "\ntypedef struct {\n  size_t samples, runs;\n  double input, driver, force_driver, loop_driver, noise, start, "
-      "held_back, stop[4];\n"
-      "  double x[ORDER + 1], u_before, rise_before;\n#if DELAY > 0\n  double late_start[DELAY], late_rise[DELAY];\n"
-      "  size_t oldest;\n#endif\n  double steady, pressure;\n" +
+      "held_back, stop[4];\n  ahead_state ahead;\n  behind_state behind;\n  double mapped, steady, pressure;\n" +
       std::string(slides ? "  double from[INTERVALS], to[INTERVALS], first, lagged, spool_x, spool_v;\n" : "") +
       input.state + position.state + steady.state + output.state + "} valvetriage_model;\n";
   text += kCInterface;
@@ -573,7 +652,6 @@ Result<std::string> to_c(const Model& given, double sample_period_s) {
                           "static double volume_advance(double p, double before, double half_way, double steady) {\n"
                           "  (void)p;\n  (void)before;\n  (void)half_way;\n  return steady;\n}\n";
   text += kLoop;
-  text += kFilter;
   text += slides ? kSlidingSpool : kFreeSpool;
   text += kStep;
   return text += kCMain;

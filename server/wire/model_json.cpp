@@ -116,6 +116,17 @@ OrificeVolume volume_from_json(JsonFields fields) {
   return volume;
 }
 
+Mode mode_from_json(JsonFields fields) {
+  const Mode mode{.natural_frequency_rad_s = fields.number("natural_frequency_rad_s"),
+                  .damping_ratio = fields.number("damping_ratio")};
+  if (!fields.ok()) return mode;
+  if (!(mode.natural_frequency_rad_s > 0)) {
+    fields.refuse("natural_frequency_rad_s", "out_of_range", "a mode's natural frequency is positive");
+  }
+  if (!(mode.damping_ratio > 0)) fields.refuse("damping_ratio", "out_of_range", "a mode's damping ratio is positive");
+  return mode;
+}
+
 Json to_json(const Section& section) {
   if (section.order == 1) return Json{{"f", section.f}};
   return Json{{"e", section.e}, {"f", section.f}};
@@ -289,6 +300,10 @@ Json to_json(const Model& model) {
             {"volume", volume},
             {"input_offset", model.input_offset},
             {"output_offset", model.output_offset}};
+  if (model.mode) {
+    json["mode"] = Json{{"natural_frequency_rad_s", model.mode->natural_frequency_rad_s},
+                        {"damping_ratio", model.mode->damping_ratio}};
+  }
   if (model.input_between == InputBetween::kHeld) json["input_between"] = "held";
   if (model.machine) json["machine"] = to_json(*model.machine);
   if (!model.mechanisms.empty()) {
@@ -313,6 +328,13 @@ Model model_from_json(JsonFields fields) {
   model.dynamics = transfer_function_from_json(fields.object("transfer_function"));
   model.input_offset = fields.number_or("input_offset", 0);
   model.output_offset = fields.number_or("output_offset", 0);
+  if (fields.has("mode")) {
+    model.mode = mode_from_json(fields.object("mode"));
+    if (!model.map || !to_valve_dynamics(model.dynamics)) {
+      fields.refuse("mode", "out_of_range",
+                    "a mode stands behind the map of a valve whose transfer function is a spool");
+    }
+  }
   const std::string between = fields.text_or("input_between", "straight");
   model.input_between = between == "held" ? InputBetween::kHeld : InputBetween::kStraight;
   if (between != "held" && between != "straight") {

@@ -51,7 +51,7 @@ inline MechanismScales scales() {
           .output_range = 210,
           .slope = 470,
           .recordings = 3,
-          .side_range = {4.0}};
+          .side = {{18, 22, 20}}};
 }
 
 /// Two channels of a valve's record.

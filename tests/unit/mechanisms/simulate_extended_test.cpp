@@ -101,10 +101,10 @@ TEST(SimulateExtended, ALeakingValveBeginsWhereItSettles) {
 }
 
 TEST(SimulateExtended, ASideInputIsFoundByItsName) {
-  const auto y = run(with(valve(), "side_input", {2, 7}, "temperature_C")), healthy = run(valve());
+  const auto y = run(with(valve(), "side_input", {2, 20, 7}, "temperature_C")), healthy = run(valve());
   const std::vector<double>& s = example::side()[0].values;
   EXPECT_NEAR((y[300] - healthy[300]) - (y[700] - healthy[700]), 2 * (s[300] - s[700]), 1e-9);
-  const auto missing = simulate_extended(with(valve(), "side_input", {2, 0}, "supply_psi"), motion(), {});
+  const auto missing = simulate_extended(with(valve(), "side_input", {2, 20, 0}, "supply_psi"), motion(), {});
   ASSERT_FALSE(missing.has_value());
   EXPECT_EQ(missing.error().code, "missing_channel");
 }

@@ -94,6 +94,22 @@ TEST(ModelC, AValveWhoseCommandIsHeldBetweenSamplesIsTheSimulation) {
   expect_same(model);
 }
 
+TEST(ModelC, AValveWhoseDynamicsFollowItsMapIsTheSimulation) {
+  Model model = valve();
+  model.dynamics = to_transfer_function(ValveDynamics{.delay_s = 0.0123, .natural_frequency_rad_s = 1600});
+  model.mode = Mode{.natural_frequency_rad_s = 90, .damping_ratio = 0.9};
+  expect_same(model);
+  expect_same(with(model, {{"saturation", {120, -INFINITY, 1}, ""}, {"leakage", {0.1}, ""}}));
+  expect_same(with(model, {{"extra_lag", {0.02, 1}, ""}}));
+  expect_same(with(model, {{"friction", {0.02, 0.01, 0.5, 0}, ""}}));
+  expect_same(with(model, {{"asymmetric_response", {1.7}, ""}}));
+  expect_same(with(model, {{"backlash", {0.02, 0, 0}, ""}, {"transport_delay", {0.017}, ""}}));
+  model.input_between = InputBetween::kHeld;
+  expect_same(model);
+  model.volume.reset();
+  expect_same(model);
+}
+
 TEST(ModelC, ALinearMachineIsTheSimulation) {
   expect_same(machine());
   Model discrete;
@@ -163,7 +179,7 @@ TEST(ModelC, EveryCauseOnTheReadingIsInIt) {
                              {"periodic_disturbance", {5, 1, 0.2}, ""},
                              {"sensor_offset", {2}, ""},
                              {"intermittent", {20, -0.1, 0}, ""},
-                             {"side_input", {0.7, 0}, "temperature_C"},
+                             {"side_input", {0.7, 20, 0}, "temperature_C"},
                              {"rectified_sensor", {}, ""}}));
 }
 

@@ -124,6 +124,42 @@ TEST(ModelJson, AValveNeedsAMapThatOnlyRisesOrOnlyFalls) {
   EXPECT_EQ(refused(document).field, "/map/input");
 }
 
+Json valve_model() {
+  Json document = linear_model();
+  document["kind"] = "valve";
+  document["map"] = {{"input", {1.0, 2.0}}, {"output", {0.0, 200.0}}};
+  document["transfer_function"] = {{"domain", "s"},
+                                   {"zeros", Json::array()},
+                                   {"poles", {{-1600, 0}, {-1600, 0}}},
+                                   {"gain", 2.56e6},
+                                   {"delay_s", 0.0072}};
+  return document;
+}
+
+TEST(ModelJson, AModeStandsBehindTheMapOfAValve) {
+  Json document = valve_model();
+  document["mode"] = {{"natural_frequency_rad_s", 40}, {"damping_ratio", 0.6}};
+  const auto model = model_from_json(document);
+  ASSERT_TRUE(model.has_value()) << model.error().message;
+  EXPECT_EQ(model->mode, (Mode{40, 0.6}));
+  EXPECT_EQ(to_json(*model)["mode"], document["mode"]);
+  EXPECT_FALSE(to_json(*model_from_json(valve_model())).contains("mode"));
+
+  for (const char* name : {"natural_frequency_rad_s", "damping_ratio"}) {
+    Json wrong = document;
+    wrong["mode"][name] = 0;
+    EXPECT_EQ(refused(wrong).field, std::string("/mode/") + name);
+    wrong["mode"].erase(name);
+    EXPECT_EQ(refused(wrong).field, std::string("/mode/") + name);
+  }
+  Json elsewhere = linear_model();
+  elsewhere["mode"] = document["mode"];
+  EXPECT_EQ(refused(elsewhere).field, "/mode");
+  Json no_spool = document;
+  no_spool["transfer_function"]["poles"] = {{-30, 0}};
+  EXPECT_EQ(refused(no_spool).field, "/mode");
+}
+
 TEST(ModelJson, TheReachOfALoopIsWrittenWhereItIsNotOne) {
   Json valve = linear_model();
   valve["kind"] = "valve";
@@ -181,6 +217,15 @@ TEST(ModelJson, AnExponentIsWrittenWholeAndNotAsWhatItHasBeyondTheValves) {
 
 TEST(ModelJson, AModelWithoutCausesIsWrittenAsBefore) {
   EXPECT_FALSE(to_json(model_from_json(linear_model()).value()).contains("mechanisms"));
+}
+
+TEST(ModelJson, AChannelActsFromZeroOnWhereNoReferenceIsGiven) {
+  Json document = linear_model();
+  document["mechanisms"] =
+      Json::array({{{"cause", "side_input"}, {"parameters", {{"coefficient", 0.4}, {"channel", 0}}}}});
+  const auto model = model_from_json(document);
+  ASSERT_TRUE(model.has_value()) << model.error().message;
+  EXPECT_EQ(model->mechanisms.front().parameters, (std::vector<double>{0.4, 0, 0}));
 }
 
 TEST(ModelJson, WhatALawDoesNotNeedMayBeLeftOutOfTheDocument) {
