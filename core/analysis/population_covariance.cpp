@@ -22,6 +22,9 @@ constexpr double kLeastSpread = 1e-3;
 // Where all have none: of a loop of a milliampere, of a delay of a millisecond.
 constexpr double kLeastParameter = 1e-3;
 constexpr double kLeastKnotSpread = 1e-4;  // of the highest output
+// Trimmed at a point, valves show nothing of how far a shift or a gain would take them without: it grows without end,
+// until the small difference that is left of it is rounding.
+constexpr double kMostOverTypical = 100;
 // Errors are known to a factor of two at best: they never explain all of what is seen.
 constexpr double kLeastOfVariance = 0.25;
 
@@ -77,10 +80,10 @@ double log_likelihood(const MatrixXd& covariance, const MatrixXd& deviations) {
 class SpreadSearch {
  public:
   SpreadSearch(const MeanMap& map, const MatrixXd& errors, const MatrixXd& deviations, double scale)
-      : map_(map), errors_(errors), deviations_(deviations), scale_(scale) {}
+      : map_(map), errors_(errors), deviations_(deviations), scale_(scale), start_(start()) {}
 
   MapSpread run() const {
-    MapSpread best = refined(start(), kFactors);
+    MapSpread best = refined(start_, kFactors);
     MapSpread trimmed;
     for (Index knot = 0; knot < map_.output.size(); knot += kKnotsBetweenTrims) {
       MapSpread tried = best;
@@ -129,6 +132,9 @@ class SpreadSearch {
   }
 
   void weigh(MapSpread& spread) const {
+    for (std::size_t part = 0; part < kLength; ++part) {
+      spread.size[part] = std::min(spread.size[part], kMostOverTypical * start_.size[part]);
+    }
     spread.size[kOwn] = std::max(spread.size[kOwn], kLeastKnotSpread * highest());
     spread.size[kTrimmed] = std::max(spread.size[kTrimmed], kLeastKnotSpread * highest());
     spread.size[kLength] = std::clamp(spread.size[kLength], kShortest_a * scale_, kLongest_a * scale_);
@@ -139,6 +145,7 @@ class SpreadSearch {
   const MatrixXd& errors_;
   const MatrixXd& deviations_;
   double scale_;
+  MapSpread start_;
 };
 
 struct Sample {
