@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 
 #include "core/identify/valve_fit_problem.h"
 #include "core/linear_algebra/solve.h"

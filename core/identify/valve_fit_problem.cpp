@@ -33,16 +33,10 @@ constexpr double kMapBend = 30.0 / 105;
 // A recording that does not begin at rest is off by no more than this in its map's input and its pressure.
 constexpr double kSpoolStartSd_a = 0.05, kPressureStartSd = 20.0 / 105, kMemorySd = 0.5;
 
-/// A spool off its rest, and whatever lags it with it.
-SampledValveDynamics::State displaced_spool(const SampledValveDynamics& spool, double rate, double position) {
-  SampledValveDynamics::State state = SampledValveDynamics::State::Constant(spool.order(), position);
-  state(0) = rate;
-  return state;
-}
-
-/// How a spool that starts off its rest returns to it, added to a signal.
+/// How a spool that starts off its rest, and whatever lags it with it, returns to it, added to a signal.
 void add_return(const SampledValveDynamics& dynamics, double rate, double position, std::span<double> signal) {
-  SampledValveDynamics::State free = displaced_spool(dynamics, rate, position);
+  SampledValveDynamics::State free = SampledValveDynamics::State::Constant(dynamics.order(), position);
+  free(0) = rate;
   for (double& x : signal) {
     if (free.squaredNorm() < 1e-24) return;  // decayed below any effect
     x += free(free.size() - 1);
@@ -56,11 +50,9 @@ bool is_slowed_ahead_of_map(const Blocks& blocks) {
   return blocks.friction.breakaway_a > 0 || !blocks.valve.spool.lag_s.empty();
 }
 
-/// The volume as it is run. A spool comes to its stop ahead of a mode, and what the mode makes of it may go beyond.
+/// The volume as it is run.
 OrificeVolume volume_behind(const ValveParameters& valve) {
-  OrificeVolume volume = valve.volume;
-  if (valve.mode) volume.stop_psi = std::numeric_limits<double>::infinity();
-  return volume;
+  return valve.mode ? without_stop(valve.volume) : valve.volume;
 }
 
 /// What the volume follows: what a mode makes of the steady pressure, or that itself.
@@ -439,17 +431,12 @@ std::vector<std::vector<double>> ValveFitProblem::positions(std::span<const RunA
     } else {
       const SampledValveDynamics spool(blocks[k].valve.spool, half_period_s(recording));
       if (!(blocks[k].friction.breakaway_a > 0)) spool.run(force, positions[k]);
-      if (!blocks[k].valve.mode) add_start(spool, *v, recording, positions[k]);
+      const auto start = v->segment<kStarts>(own_at(recording));
+      if (!blocks[k].valve.mode) add_return(spool, start(kSpoolRate), start(kSpoolPosition), positions[k]);
     }
     apply_laws(Place::kPosition, *v, recording, {}, positions[k], nullptr);
   }
   return positions;
-}
-
-void ValveFitProblem::add_start(const SampledValveDynamics& spool, const VectorXd& v, std::size_t recording,
-                                std::span<double> position) const {
-  const Index own = own_at(recording);
-  add_return(spool, v(own + kSpoolRate), v(own + kSpoolPosition), position);
 }
 
 SampledMode ValveFitProblem::mode_of(const Blocks& blocks, std::size_t recording) const {
@@ -461,23 +448,10 @@ SampledMode ValveFitProblem::mode_of(const Blocks& blocks, std::size_t recording
 
 std::vector<bool> ValveFitProblem::held_halves(const Blocks& blocks, const VectorXd& v, std::size_t recording) const {
   const IntervalSignal& input = prepared_[recording].input;
-  std::vector<bool> held(input.start.size(), false);
-  if (is_slowed_ahead_of_map(blocks)) return held;
+  if (is_slowed_ahead_of_map(blocks)) return std::vector<bool>(input.start.size());
   const bool is_moved = std::any_of(options_.laws.begin(), options_.laws.end(),
                                     [&](const LawInFit& law) { return acts_at(law, Place::kInput, recording); });
-  const IntervalSignal moved = is_moved ? behind_input_laws(v, recording) : IntervalSignal{};
-  const IntervalSignal& seen = is_moved ? moved : input;
-  for (std::size_t i = 0; i < held.size(); ++i) held[i] = seen.start[i] == seen.end[i];
-  return held;
-}
-
-IntervalSignal ValveFitProblem::between_halves(std::vector<double> signal, const std::vector<bool>& held) {
-  IntervalSignal between{.start = std::move(signal), .end = {}};
-  between.end = between.start;
-  for (std::size_t i = 0; i + 1 < between.start.size(); ++i) {
-    if (!held[i]) between.end[i] = between.start[i + 1];
-  }
-  return between;
+  return is_moved ? held_intervals(behind_input_laws(v, recording)) : held_intervals(input);
 }
 
 ValveFitProblem::Filling ValveFitProblem::ahead_of_volume(const Blocks& blocks, const VectorXd& v,
@@ -490,7 +464,7 @@ ValveFitProblem::Filling ValveFitProblem::ahead_of_volume(const Blocks& blocks, 
   std::vector<double> asked = steady;
   for (double& psi : asked) psi = std::min(psi, blocks.valve.volume.stop_psi);
   filling.way = mode_of(blocks, recording)
-                    .run(between_halves(std::move(asked), held_halves(blocks, v, recording)), start, filling.psi);
+                    .run(held_or_straight(std::move(asked), held_halves(blocks, v, recording)), start, filling.psi);
   return filling;
 }
 
@@ -942,10 +916,15 @@ class ValveFitProblem::Columns {
     const OrificeVolume volume = volume_behind(there.valve);
     const VolumeRun through = problem_.volume_run(w, recording_, volume, filling, change);
     run_volumes({&through, 1});
-    read_behind_lag(problem_.options_.usual.gauge_lag_s, period_s(), change);
-    for (std::size_t i = 0; i < change.size(); ++i) change[i] = (change[i] - base_.pressure[i]) / step;
-    problem_.output_tangents(v_, recording_, base_, change);
+    as_slope(step, change);
     return change;
+  }
+
+  /// From another pressure in the volume to the slope of the output.
+  void as_slope(double step, std::vector<double>& pressure) const {
+    read_behind_lag(problem_.options_.usual.gauge_lag_s, period_s(), pressure);
+    for (std::size_t i = 0; i < pressure.size(); ++i) pressure[i] = (pressure[i] - base_.pressure[i]) / step;
+    problem_.output_tangents(v_, recording_, base_, pressure);
   }
 
   /// A volume that starts off its steady pressure returns as its tangent does.
@@ -987,12 +966,7 @@ class ValveFitProblem::Columns {
                                             into_volume(base_.steady, base_.filling.psi), change));
     }
     run_volumes(through);
-    for (const std::size_t k : which) {
-      std::vector<double>& change = changes[k];
-      read_behind_lag(problem_.options_.usual.gauge_lag_s, period_s(), change);
-      for (std::size_t i = 0; i < change.size(); ++i) change[i] = (change[i] - base_.pressure[i]) / moves[k].step;
-      problem_.output_tangents(v_, recording_, base_, change);
-    }
+    for (const std::size_t k : which) as_slope(moves[k].step, changes[k]);
   }
 
   /// A parameter of a law behind the map.
@@ -1025,8 +999,7 @@ class ValveFitProblem::Columns {
   void carry_mode(std::vector<double>& change) const {
     if (!mode_) return;
     for (std::size_t i = 0; i < change.size(); ++i) change[i] *= base_.steady[i] < blocks_.valve.volume.stop_psi;
-    const IntervalSignal between = between_halves(change, held_);
-    mode_->run_along(base_.filling.way, between, {}, change);
+    mode_->run_along(base_.filling.way, held_or_straight(change, held_), {}, change);
   }
 
   void carry_volume(std::vector<double>& change) const {

@@ -182,14 +182,9 @@ class ValveFitProblem {
   SampledMode mode_of(const Blocks& blocks, std::size_t recording) const;
   /// In which halves of samples what enters the map is held: as what drives it is, nowhere where something slows it.
   std::vector<bool> held_halves(const Blocks& blocks, const Eigen::VectorXd& v, std::size_t recording) const;
-  /// A signal behind the map, two values a sample, between them: held or straight.
-  static IntervalSignal between_halves(std::vector<double> signal, const std::vector<bool>& held);
   /// What the mode makes of the steady pressure.
   Filling ahead_of_volume(const Blocks& blocks, const Eigen::VectorXd& v, std::size_t recording,
                           const std::vector<double>& steady) const;
-  /// Adds what v has of the two states at the start, as the spool returns from them.
-  void add_start(const SampledValveDynamics& spool, const Eigen::VectorXd& v, std::size_t recording,
-                 std::span<double> position) const;
   VolumeRun volume_run(const Eigen::VectorXd& v, std::size_t recording, const OrificeVolume& volume,
                        std::span<const double> filling, std::span<double> pressure) const;
   /// visit(knot, output) of every valid sample, with the knot nearest to its input.

@@ -412,6 +412,11 @@ void run_volume(const OrificeVolume& volume, double sample_period_s, double firs
   run_volumes({&run, 1});
 }
 
+OrificeVolume without_stop(OrificeVolume volume) {
+  volume.stop_psi = std::numeric_limits<double>::infinity();
+  return volume;
+}
+
 double settled_psi(const OrificeVolume& volume, double steady_psi) {
   const double asked_psi = std::min(steady_psi, volume.stop_psi);
   double settled = asked_psi;

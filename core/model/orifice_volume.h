@@ -82,6 +82,10 @@ struct VolumeRun {
 /// The same for several recordings, bit for bit, in less time: neighbours of one volume share its tables.
 void run_volumes(std::span<const VolumeRun> runs);
 
+/// The same without the spool's stop, for one that follows a mode: the spool comes to its stop ahead of it, and what
+/// the mode makes of that may go beyond.
+OrificeVolume without_stop(OrificeVolume volume);
+
 /// The pressure at which the volume settles under a steady m: m itself where nothing is wrong, lower with a loss.
 double settled_psi(const OrificeVolume& volume, double steady_psi);
 

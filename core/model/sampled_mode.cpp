@@ -59,7 +59,7 @@ void SampledMode::run(const IntervalSignal& input, const Start& start, std::span
 SampledMode::Way SampledMode::run(const IntervalSignal& input, const Start& start, std::span<double> out) const {
   Way way;
   if (is_symmetric_) {
-    run(input, start, out, [](std::size_t, const Start&, const std::array<double, 4>&) { return false; });
+    run_along(way, input, start, out);
     return way;
   }
   way.reserve(out.size());
@@ -72,11 +72,8 @@ SampledMode::Way SampledMode::run(const IntervalSignal& input, const Start& star
 
 void SampledMode::run_along(const Way& way, const IntervalSignal& change, const Start& start,
                             std::span<double> out) const {
-  if (way.empty()) {
-    run(change, start, out, [](std::size_t, const Start&, const std::array<double, 4>&) { return false; });
-  } else {
-    run(change, start, out, [&](std::size_t i, const Start&, const std::array<double, 4>&) { return way[i]; });
-  }
+  const bool never = way.empty();
+  run(change, start, out, [&](std::size_t i, const Start&, const std::array<double, 4>&) { return !never && way[i]; });
 }
 
 }  // namespace valvetriage

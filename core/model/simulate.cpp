@@ -65,15 +65,6 @@ void slide(const SpoolFriction& friction, const RunDynamics& dynamics, const Int
   for (std::size_t i = 0; i < y.size(); ++i) y[i] += sliding[i] - free[i];
 }
 
-/// A signal behind the map between its samples: held where what entered the map is, straight elsewhere.
-std::vector<double> ends_behind_map(const IntervalSignal& entered, bool is_slowed, std::span<const double> signal) {
-  std::vector<double> end(signal.begin(), signal.end());
-  for (std::size_t i = 0; i + 1 < end.size(); ++i) {
-    if (is_slowed || entered.start[i] != entered.end[i]) end[i] = signal[i + 1];
-  }
-  return end;
-}
-
 /// A model with its laws in one recording, ready to run from any state.
 class FreeRun {
  public:
@@ -81,8 +72,7 @@ class FreeRun {
   FreeRun(const Model& model, const SignalLaws& laws, const RunDynamics& dynamics, const IntervalSignal& input,
           double sample_period_s)
       : model_(model), laws_(laws), dynamics_(dynamics), input_(input), sample_period_s_(sample_period_s) {
-    // A spool comes to its stop ahead of a mode, and what the mode makes of it may go beyond.
-    if (volume_ && dynamics_.behind) std::swap(stop_psi_, volume_->stop_psi);
+    if (volume_ && dynamics_.behind) volume_ = without_stop(*volume_);
   }
 
   std::size_t samples() const { return input_.start.size() / per_sample_; }
@@ -110,9 +100,11 @@ class FreeRun {
     if (laws_.at_steady) laws_.at_steady(x);
     const std::vector<double> steady = per_sample_ == 2 ? at_samples(x) : x;
     if (dynamics_.behind) {
-      for (double& value : x) value = std::min(value, stop_psi_);
-      const std::vector<double> end = ends_behind_map(v, dynamics_.spool.has_value(), x);
-      dynamics_.behind->run({.start = x, .end = end}, {from.moved[0], from.moved[1]}, x);
+      const double stop_psi = model_.volume.value_or(OrificeVolume{}).stop_psi;
+      for (double& value : x) value = std::min(value, stop_psi);
+      // What enters the map is held where what drives it is, nowhere where something slows it.
+      const auto held = dynamics_.spool ? std::vector<bool>(x.size()) : held_intervals(v);
+      dynamics_.behind->run(held_or_straight(x, held), {from.moved[0], from.moved[1]}, x);
     }
     if (volume_) {
       const double first_psi = settled_psi(*volume_, x[0]) + from.volume_gap;
@@ -295,7 +287,6 @@ class FreeRun {
   const SignalLaws& laws_;
   const RunDynamics& dynamics_;
   std::optional<OrificeVolume> volume_ = model_.volume;
-  double stop_psi_ = std::numeric_limits<double>::infinity();  ///< ahead of a mode
   const IntervalSignal& input_;
   double sample_period_s_;
   std::size_t per_sample_ = runs_per_sample(model_);

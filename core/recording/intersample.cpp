@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 #include "core/recording/white_noise.h"
@@ -91,6 +92,21 @@ IntervalSignal halved(const IntervalSignal& signal) {
     halves.end[2 * i + 1] = signal.end[i];
   }
   return halves;
+}
+
+std::vector<bool> held_intervals(const IntervalSignal& signal) {
+  std::vector<bool> held(signal.start.size());
+  for (std::size_t i = 0; i < held.size(); ++i) held[i] = signal.start[i] == signal.end[i];
+  return held;
+}
+
+IntervalSignal held_or_straight(std::vector<double> samples, const std::vector<bool>& held) {
+  IntervalSignal signal{.start = std::move(samples), .end = {}};
+  signal.end = signal.start;
+  for (std::size_t i = 0; i + 1 < signal.start.size(); ++i) {
+    if (!held[i]) signal.end[i] = signal.start[i + 1];
+  }
+  return signal;
 }
 
 std::vector<double> at_samples(const std::vector<double>& halves) {

@@ -39,6 +39,12 @@ IntervalSignal noise_free_input(const Recording& recording, InputBetween between
 /// one that the samples showed.
 IntervalSignal halved(const IntervalSignal& signal);
 
+/// Which intervals are held.
+std::vector<bool> held_intervals(const IntervalSignal& signal);
+
+/// Samples between which it is held over some intervals and goes straight over the others; held behind the last.
+IntervalSignal held_or_straight(std::vector<double> samples, const std::vector<bool>& held);
+
 /// Of a signal with a value half-way to the next sample, what is at the samples.
 std::vector<double> at_samples(const std::vector<double>& halves);
 

@@ -5,9 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
-#include <limits>
 #include <span>
-#include <utility>
 
 #include "core/mechanisms/simulate_extended.h"
 #include "core/model/free_run.h"
@@ -611,11 +609,9 @@ Result<std::string> to_c(const Model& given, double sample_period_s) {
   text += c_define("R", std::abs(rise)) + c_define("MIDDLE", 0.5 * (low_a + high_a)) + c_define("REST", low_a) +
           c_define("SECANT", is_valve ? rise / (high_a - low_a) : gain);
   text += c_define("LOOP_WIDTH", model->loop ? model->loop->width_a : 0);
-  // A spool comes to its stop ahead of a mode, and what the mode makes of it may go beyond.
-  constexpr double kNone = std::numeric_limits<double>::infinity();
-  OrificeVolume volume = model->volume.value_or(OrificeVolume{});
-  text += c_define("MAP_STOP", dynamics->behind ? std::exchange(volume.stop_psi, kNone) : kNone);
-  if (model->volume) text += volume_constants(volume);
+  const OrificeVolume volume = model->volume.value_or(OrificeVolume{});
+  text += c_define("MAP_STOP", (dynamics->behind ? volume : without_stop(volume)).stop_psi);
+  if (model->volume) text += volume_constants(dynamics->behind ? without_stop(volume) : volume);
   const bool slides = is_valve && model->friction && dynamics->spool;
   if (slides) text += spool_constants(*dynamics->spool, *model->friction, inner_period_s);
   text += c_array("loop_threshold", model->loop.value_or(MagneticLoop{}).thresholds_a()) +

@@ -12,8 +12,8 @@ namespace valvetriage {
 ///   double valvetriage_step(valvetriage_model *m, double input, int is_step, double side);
 ///
 /// One step per sample gives what `simulate` gives from steady state at the first input, to rounding. `is_step` tells
-/// that a command was held until this sample, `side` is the deviation of the side channel from its mean. Compiled with
-/// VALVETRIAGE_MAIN the file is a filter: `input is_step side` per line in, the output per line out.
+/// that a command was held until this sample, `side` is the side channel. Compiled with VALVETRIAGE_MAIN the file is a
+/// filter: `input is_step side` per line in, the output per line out.
 ///
 /// A machine, a chain of blocks of its own, is told by machine_c.h.
 /// A linear model has no range of its own, so that its saturation has a sharp corner here; `intermittent` acts in every
