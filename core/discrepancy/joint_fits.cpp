@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <optional>
 #include <utility>
@@ -281,14 +282,12 @@ void fit_from_slips(const Survey& survey, const Explanation& beside, JointFits& 
   for (const Tested& tested : survey.tested) {
     if (!makes_stick(tested.fit.law, beside)) continue;
     const std::vector<JointStart> starts = slip_starts(beside, tested.fit.law, place, closest_of(joint, beside));
-    const auto known = std::find(joint.racing.begin(), joint.racing.end(), &tested);
-    if (known != joint.racing.end()) {
-      fit_again(static_cast<std::size_t>(known - joint.racing.begin()), beside, starts, joint);
-      continue;
+    auto known = std::find(joint.racing.begin(), joint.racing.end(), &tested);
+    if (known == joint.racing.end()) {
+      fit_jointly({&tested}, beside, true, joint);
+      known = std::prev(joint.racing.end());
     }
-    joint.racing.push_back(&tested);
-    joint.fitted.push_back(extend(beside, tested.fit, kJointSteps, joint.to_reach(beside), starts));
-    joint.compare(joint.fitted.back());
+    fit_again(static_cast<std::size_t>(known - joint.racing.begin()), beside, starts, joint);
   }
 }
 

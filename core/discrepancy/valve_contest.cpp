@@ -400,16 +400,26 @@ class WinnersFit {
   bool is_looked_at_ = false, usual_ = false;
 };
 
-/// Whether likelihood alone tells two causes apart, by more than good valves differ by.
-bool is_told_apart(const Ranked& winner, const Ranked& rival, const ValveDiagnosisOptions& options) {
+/// By how much of 2 ln likelihood two causes must differ to be told apart: more than good valves differ by, and than a
+/// rival may miss as the idealisation of what is there, where the winner removes `removed` of the cost. Beside one of
+/// its family it may miss what one law in a hundred does: they differ in what is idealised first.
+double least_lead(const Ranked& winner, const Ranked& rival, double removed, double inflation,
+                  const ValveDiagnosisOptions& options) {
+  const double missed = kIdealisation * (are_kin(winner, rival) ? normal_upper_quantile(kRareInGoodValves) : 1);
+  const double idealised = missed * missed * std::max(0.0, removed) / inflation;
+  return kLeastEvidence + scatter_between(winner, rival, options) + idealised;
+}
+
+/// Whether likelihood alone tells two causes apart.
+bool is_told_apart(const Ranked& winner, const Ranked& rival, double inflation, const ValveDiagnosisOptions& options) {
   const double against = 2 * (winner.log_likelihood - rival.log_likelihood);
-  return against >= kLeastEvidence + scatter_between(winner, rival, options);
+  return against >= least_lead(winner, rival, winner.reduction, inflation, options);
 }
 
 /// Brings the likelihoods together where they differ by what one place in the recordings says and another denies: in
 /// white noise 2 z² of a contrast is the likelihood ratio itself, what a law gets wrong makes it less. Where the winner
 /// gets nothing wrong and the other does, one place is enough.
-void keep_consistent(const Ranked& winner, WinnersFit& fit, std::vector<Ranked>& ranked,
+void keep_consistent(const Ranked& winner, WinnersFit& fit, double inflation, std::vector<Ranked>& ranked,
                      const ValveDiagnosisOptions& options) {
   for (Ranked& r : ranked) {
     r.borne_out = r.log_likelihood;
@@ -418,7 +428,7 @@ void keep_consistent(const Ranked& winner, WinnersFit& fit, std::vector<Ranked>&
     const double by_prior = 0.5 * (r.penalty - winner.penalty);
     const double allowed = std::max(0.0, std::copysign(2 * z * z, z) + by_prior);
     if (winner.log_likelihood - allowed <= r.log_likelihood) continue;
-    if (is_told_apart(winner, r, options) && fit.leaves_the_usual()) continue;
+    if (is_told_apart(winner, r, inflation, options) && fit.leaves_the_usual()) continue;
     r.borne_out = winner.log_likelihood - allowed;
   }
 }
@@ -449,7 +459,7 @@ void keep_margins(Contest& contest, WinnersFit& fit, const ValveDiagnosisOptions
       *std::find_if(ranked.begin(), ranked.end(), [&](const Ranked& r) { return r.cause == contest.cause; });
   const bool is_family_open = fit.leaves_memory();
   const auto is_out = [&](const Ranked& r) {
-    if (is_never_out(r, won) || !is_told_apart(won, r, options)) return false;
+    if (is_never_out(r, won) || !is_told_apart(won, r, contest.inflation, options)) return false;
     if (2 * (won.borne_out - r.borne_out) < kLeastEvidence) return false;
     const bool leaves_more = won.left + won.reduction - r.reduction > clearly_more(won, r) * won.left;
     return leaves_more || fit.leaves_the_usual();
@@ -533,7 +543,7 @@ void settle(Contest& contest, std::span<const Explanation> fitted, double laws, 
   contest.cause = best->cause;
   contest.p_value = std::min(1.0, laws * best->p_value);
   WinnersFit fit(fit_of(contest.cause, fitted), options);
-  keep_consistent(*best, fit, contest.ranked, options);
+  keep_consistent(*best, fit, contest.inflation, contest.ranked, options);
   normalise(contest.cause, contest.ranked);
   keep_margins(contest, fit, options);
 }
@@ -667,10 +677,11 @@ double own_excess(const Mechanism& law, const VectorXd& v, const ValveFitOptions
 
 double lead_still_asked_for(const Ranked& winner, const Ranked& rival, bool leaves_usual,
                             const FurtherRecordings& further, double inflation, const ValveDiagnosisOptions& options) {
-  const double near = (1 - margin(winner, rival)) * (winner.reduction + further.removed);
+  const double removed = winner.reduction + further.removed;
+  const double near = (1 - margin(winner, rival)) * removed;
   const double until_far = (near - (winner.reduction - rival.reduction)) / inflation;
   if (is_never_out(rival, winner)) return until_far;
-  double told_apart = kLeastEvidence + scatter_between(winner, rival, options);
+  double told_apart = least_lead(winner, rival, removed, inflation, options);
   if (!leaves_usual) {
     const double left = (winner.left + further.left) / inflation;
     told_apart = std::max(told_apart, (clearly_more(winner, rival) - 1) * left);

@@ -28,8 +28,9 @@ constexpr double kExponentMean = 0.6, kExponentSd = 0.25;
 constexpr double kNarrowLoopSd_a = 0.01;
 constexpr double kSupplyOverReference = 5.0, kSupplyLogSd = 0.7;  // reference is half of the largest pressure
 // In shares of the reference pressure, half of the largest: what they are on a valve of 210 psi. Second differences of
-// the map over one knot are a few psi there at most; ten times as much is allowed.
-constexpr double kMapBend = 30.0 / 105;
+// the map over one knot are a few psi there. Where only edges pass, between the levels of steps, nothing else holds the
+// map: allowed ten times as much it makes up for every lag, and leaves dents that no fit comes out of.
+constexpr double kMapBend = 4.0 / 105;
 // A recording that does not begin at rest is off by no more than this in its map's input and its pressure.
 constexpr double kSpoolStartSd_a = 0.05, kPressureStartSd = 20.0 / 105, kMemorySd = 0.5;
 

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <vector>
 
 namespace valvetriage {
@@ -29,6 +30,16 @@ class DelayedInput {
     const auto m = std::min(static_cast<std::size_t>(t), last_);
     const double share = std::min(t - static_cast<double>(m), 1.0);
     return input_.start[m] + (input_.end[m] - input_.start[m]) * share;
+  }
+
+  /// When it jumps between two times that are no farther apart than a sample; empty where it does not.
+  std::optional<double> jump_between(double from, double to) const {
+    const double t = to - delay_;
+    if (t < 1) return std::nullopt;
+    const auto m = std::min(static_cast<std::size_t>(t), last_);
+    const double edge = static_cast<double>(m) + delay_;
+    const bool is_inside = edge > from && edge < to;
+    return is_inside && input_.start[m] != input_.end[m - 1] ? std::optional(edge) : std::nullopt;
   }
 
   /// Whether all of the sample interval that begins at sample i sees no values but these.
@@ -86,19 +97,11 @@ class SlidingSpool {
         substeps_(sliding_substeps(*run.dynamics, run.sample_period_s)),
         delayed_(*run.input, run.position.size(), run.sample_period_s, run.dynamics->delay_s),
         known_(run.rests) {
-    const ValveDynamics& dynamics = *run.dynamics;
-    const double wn = dynamics.natural_frequency_rad_s, h = run.sample_period_s / substeps_;
-    const double stiff = 0.25 * h * h * wn * wn, damp = h * dynamics.damping_ratio * wn;
-    keep_ = 1 - stiff - damp;
-    push_ = h * wn * wn;
-    share_ = 1 / (1 + stiff + damp);
     per_substep_ = 1.0 / substeps_;
-    half_step_ = 0.5 * h;
+    whole_ = step_over(per_substep_);
     breakaway_ = run.friction->breakaway_a;
     kinetic_ = std::min(run.friction->kinetic_a, breakaway_);
     inverse_speed_ = 1 / run.friction->stribeck_a_per_s;
-    const double lag_s = dynamics.lag_s.empty() ? 0 : dynamics.lag_s.front();
-    half_way_ = lag_s > 0 ? -std::expm1(-0.5 * h / lag_s) : 1;
     lagged_ = delayed_.at(0);
     x_ = lagged_ - run.offset * breakaway_ * run.friction->growth.share_at(lagged_);
     if (!run.rests.empty() && std::isfinite(run.rests[0])) x_ = known_.next_slip_from(0, run.rests[0]);
@@ -114,47 +117,85 @@ class SlidingSpool {
     run_.position[i] = v_ == 0 ? landed_ : x_;
     const double most = breakaway_ * run_.friction->growth.share_at(x_);
     const bool sticks = v_ == 0 && std::abs(lagged_ - x_) <= most;
-    const bool is_lagged = half_way_ < 1;
+    const bool is_lagged = whole_.half_way < 1;
     moves_ = !sticks ||
              !(is_lagged ? delayed_.stays_within(i, lagged_, lagged_) : delayed_.stays_within(i, x_ - most, x_ + most));
     if (!moves_ && !is_lagged) lagged_ = delayed_.at(static_cast<double>(i) + (substeps_ - 0.5) * per_substep_);
   }
 
+  /// One that the input jumps in is taken in two: what the jump sets free sets off then, not with the next substep, and
+  /// how late it does goes with the delay, not in steps of it.
   void substep(std::size_t i, int k) {
-    const double commanded = delayed_.at(static_cast<double>(i) + (k + 0.5) * per_substep_);
+    const double from = static_cast<double>(i) + k * per_substep_, to = from + per_substep_;
+    if (const auto jump = delayed_.jump_between(from, to)) {
+      advance(step_over(*jump - from), delayed_.at(0.5 * (from + *jump)));
+      advance(step_over(to - *jump), delayed_.at(0.5 * (*jump + to)));
+    } else {
+      advance(whole_, delayed_.at(static_cast<double>(i) + (k + 0.5) * per_substep_));
+    }
+  }
+
+ private:
+  /// The trapezoidal rule over some time.
+  struct Step {
+    double keep = 0, push = 0, share = 0, half_s = 0;
+    double half_way = 1;  ///< of the lag, over half of it
+  };
+
+  /// Over some samples.
+  Step step_over(double samples) const {
+    const ValveDynamics& dynamics = *run_.dynamics;
+    const double wn = dynamics.natural_frequency_rad_s, h = samples * run_.sample_period_s;
+    const double stiff = 0.25 * h * h * wn * wn, damp = h * dynamics.damping_ratio * wn;
+    const double lag_s = dynamics.lag_s.empty() ? 0 : dynamics.lag_s.front();
+    return {.keep = 1 - stiff - damp,
+            .push = h * wn * wn,
+            .share = 1 / (1 + stiff + damp),
+            .half_s = 0.5 * h,
+            .half_way = lag_s > 0 ? -std::expm1(-0.5 * h / lag_s) : 1};
+  }
+
+  /// At a speed, over what it grows by along the way.
+  double force_at(double speed) const {
+    const double relative = speed * inverse_speed_;
+    const double square = relative * relative;
+    const double drop = breakaway_ - kinetic_;
+    return kinetic_ + (square == 0 ? drop : square < 30 ? drop * std::exp(-square) : 0);
+  }
+
+  void advance(const Step& step, double commanded) {
     double u = commanded;
-    if (half_way_ == 1) {
+    if (step.half_way == 1) {
       lagged_ = commanded;
     } else {
-      u = lagged_ += half_way_ * (commanded - lagged_);
-      lagged_ += half_way_ * (commanded - lagged_);
+      u = lagged_ += step.half_way * (commanded - lagged_);
+      lagged_ += step.half_way * (commanded - lagged_);
       if (std::abs(commanded - lagged_) < kArrived) lagged_ = commanded;
     }
     // The speed without friction, and what friction takes of it: at most all.
-    const double free = v_ * keep_ + push_ * (u - x_);
-    const double push = push_ * run_.friction->growth.share_at(x_);
-    double moved = 0;
-    if (std::abs(free) > push * kinetic_) {
-      const double relative = v_ * inverse_speed_;
-      const double square = relative * relative;
-      const double drop = breakaway_ - kinetic_;
-      const double force = kinetic_ + (square == 0 ? drop : square < 30 ? drop * std::exp(-square) : 0);
-      moved = share_ * (free - std::clamp(free, -push * force, push * force));
-    }
-    x_ += half_step_ * (v_ + moved);
+    const double free = v_ * step.keep + step.push * (u - x_);
+    const double push = step.push * run_.friction->growth.share_at(x_);
+    if (v_ == 0 && std::abs(free) <= push * kinetic_) return;
+    const double most = push * force_at(v_);
+    const double moved = step.share * (free - std::clamp(free, -most, most));
     if (v_ != 0 && moved == 0) {
+      // Slowed as it is it comes to rest inside the step. A whole step would carry it on by up to a few per cent of a
+      // slip, and by more or less from one slip to the next.
+      x_ += step.half_s * v_ * v_ / (v_ - step.share * (free - std::copysign(most, v_)));
       landed_ = x_;
       known_.slipped();
+    } else {
+      x_ += step.half_s * (v_ + moved);
     }
     v_ = moved;
   }
 
- private:
   const SlidingRun& run_;
   int substeps_ = 1;
   DelayedInput delayed_;
   KnownRests known_;
-  double keep_ = 0, push_ = 0, share_ = 0, per_substep_ = 0, half_step_ = 0, half_way_ = 1;
+  double per_substep_ = 0;
+  Step whole_;
   double breakaway_ = 0, kinetic_ = 0, inverse_speed_ = 0;
   double lagged_ = 0, x_ = 0, v_ = 0, landed_ = 0;
   bool moves_ = false;

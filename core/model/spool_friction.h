@@ -48,8 +48,8 @@ int sliding_substeps(const ValveDynamics& dynamics, double sample_period_s);
 ///         slipped begins its next slip there. Each slip is then predicted from where the last one really ended, and an
 ///         error of one does not move all that follow (as in multiple shooting: Bock, Numerical Treatment of Inverse
 ///         Problems in Differential Equations (1983) 95)
-/// Cost    O(n · substeps), trapezoidal steps of at most a seventh of 1/ωn, none while the spool sticks: behind a lag,
-///         under an input that holds
+/// Cost    O(n · substeps), trapezoidal steps of at most a seventh of 1/ωn, one more where the input jumps, none while
+///         the spool sticks: behind a lag, under an input that holds
 void run_sliding_spool(const ValveDynamics& dynamics, const SpoolFriction& friction, double sample_period_s,
                        const IntervalSignal& input, double offset, std::span<double> position,
                        std::span<const double> rests = {});

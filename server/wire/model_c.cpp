@@ -316,27 +316,47 @@ static double spool_input(const valvetriage_model *m, double time) {
          (m->to[interval % INTERVALS] - m->from[interval % INTERVALS]) * (t - (double)interval);
 }
 
-/* Friction: sticks until the force difference passes breakaway, then slips (Stribeck); trapezoidal steps. */
-static void spool_advance(valvetriage_model *m, double start, double end) {
-  const double h = H / SUBSTEPS, stiff = 0.25 * h * h * NATURAL * NATURAL, damp = h * DAMPING * NATURAL;
+/* Friction: sticks until the force difference passes breakaway, then slips (Stribeck); one trapezoidal step. */
+static void spool_step(valvetriage_model *m, double samples, double commanded) {
+  const double h = H * samples, stiff = 0.25 * h * h * NATURAL * NATURAL, damp = h * DAMPING * NATURAL;
   const double keep = 1 - stiff - damp, push = h * NATURAL * NATURAL;
+  const double half_way = COIL_LAG > 0 ? -expm1(-0.5 * h / COIL_LAG) : 1;
+  const double relative = m->spool_v / STRIBECK, share = fmax(1 + GROWTH * (m->spool_x - MIDDLE), 0.05);
+  const double force =
+      share * (KINETIC + (relative * relative < 30 ? (BREAKAWAY - KINETIC) * exp(-relative * relative) : 0));
+  const double most = push * force, in_time = 1 / (1 + stiff + damp);
+  double u, free_v, moved, moving = 1;
+  m->lagged += half_way * (commanded - m->lagged);
+  u = m->lagged;
+  m->lagged += half_way * (commanded - m->lagged);
+  if (fabs(commanded - m->lagged) < 1e-9) m->lagged = commanded;
+  free_v = m->spool_v * keep + push * (u - m->spool_x);
+  moved = in_time * (free_v - fmin(fmax(free_v, -most), most));
+  if (m->spool_v != 0 && moved == 0) {
+    moving = m->spool_v / (m->spool_v - in_time * (free_v - copysign(most, m->spool_v)));
+  }
+  m->spool_x += 0.5 * h * (m->spool_v * moving + moved);
+  m->spool_v = moved;
+}
+
+/* Where the force jumps inside a step, that is taken in two. */
+static void spool_advance(valvetriage_model *m, double start, double end) {
   const size_t interval = m->runs - 1;
   int k;
   m->from[interval % INTERVALS] = start;
   m->to[interval % INTERVALS] = end;
   for (k = 0; k < SUBSTEPS; ++k) {
-    const double commanded = spool_input(m, (double)interval + (k + 0.5) / SUBSTEPS);
-    const double relative = m->spool_v / STRIBECK, share = fmax(1 + GROWTH * (m->spool_x - MIDDLE), 0.05);
-    double u, force, free_v, moved;
-    m->lagged += HALF_WAY * (commanded - m->lagged);
-    u = m->lagged;
-    m->lagged += HALF_WAY * (commanded - m->lagged);
-    if (fabs(commanded - m->lagged) < 1e-9) m->lagged = commanded;
-    force = share * (KINETIC + (relative * relative < 30 ? (BREAKAWAY - KINETIC) * exp(-relative * relative) : 0));
-    free_v = m->spool_v * keep + push * (u - m->spool_x);
-    moved = (free_v - fmin(fmax(free_v, -push * force), push * force)) / (1 + stiff + damp);
-    m->spool_x += 0.5 * h * (m->spool_v + moved);
-    m->spool_v = moved;
+    const double from = (double)interval + (double)k / SUBSTEPS, to = from + 1.0 / SUBSTEPS;
+    const double last = to - SPOOL_DELAY;
+    const size_t late = last < 1 ? 0 : (size_t)last;
+    const double edge = (double)late + SPOOL_DELAY;
+    const int is_inside = late > 0 && late <= interval && edge > from && edge < to;
+    if (is_inside && m->from[late % INTERVALS] != m->to[(late - 1) % INTERVALS]) {
+      spool_step(m, edge - from, spool_input(m, 0.5 * (from + edge)));
+      spool_step(m, to - edge, spool_input(m, 0.5 * (edge + to)));
+    } else {
+      spool_step(m, 1.0 / SUBSTEPS, spool_input(m, from + 0.5 / SUBSTEPS));
+    }
   }
 }
 
@@ -566,7 +586,7 @@ std::string spool_constants(const ValveDynamics& spool, const SpoolFriction& fri
          c_define("DAMPING", spool.damping_ratio) + c_define("BREAKAWAY", friction.breakaway_a) +
          c_define("KINETIC", std::min(friction.kinetic_a, friction.breakaway_a)) +
          c_define("STRIBECK", friction.stribeck_a_per_s) + c_define("GROWTH", friction.growth.per_a) +
-         c_define("HALF_WAY", lag_s > 0 ? -std::expm1(-0.5 * period_s / substeps / lag_s) : 1);
+         c_define("COIL_LAG", lag_s);
 }
 
 std::string law_function(std::string_view name, std::string_view extra, const std::string& code) {

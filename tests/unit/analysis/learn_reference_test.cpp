@@ -1,5 +1,6 @@
 #include "core/analysis/learn_reference.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
@@ -12,18 +13,24 @@ namespace {
 
 using test::kNoise_psi;
 
-/// Good valves with a spread of 5 % in the volume's time constant, 2 % in scale, 0.3 ms in delay.
-std::vector<ValveRecordings> population(int valves, unsigned seed, double current = 1) {
+/// Made valves with a spread of 5 % in the volume's time constant, 2 % in scale, 0.3 ms in delay.
+std::vector<test::MadeValve> made_valves(int valves, unsigned seed, double current = 1) {
   std::mt19937 random(seed);
   std::normal_distribution<double> normal;
-  std::vector<ValveRecordings> good;
-  for (int i = 0; i < valves; ++i) {
-    test::MadeValve valve = test::with_currents_times(current);
+  std::vector<test::MadeValve> made(static_cast<std::size_t>(valves), test::with_currents_times(current));
+  for (test::MadeValve& valve : made) {
     valve.parameters.volume.time_constant_s *= std::exp(0.05 * normal(random));
     valve.parameters.spool.delay_s += 0.0003 * normal(random);
     valve.scale *= std::exp(0.02 * normal(random));
-    good.push_back(
-        {"GOOD-" + std::to_string(i + 1), test::session(valve, kNoise_psi, seed + 100u * static_cast<unsigned>(i))});
+  }
+  return made;
+}
+
+std::vector<ValveRecordings> population(int valves, unsigned seed, double current = 1) {
+  std::vector<ValveRecordings> good;
+  for (const test::MadeValve& valve : made_valves(valves, seed, current)) {
+    const auto before = static_cast<unsigned>(good.size());
+    good.push_back({fmt::format("GOOD-{}", before + 1), test::session(valve, kNoise_psi, seed + 100 * before)});
   }
   return good;
 }
@@ -49,6 +56,23 @@ TEST(LearnReference, FindsTheSpreadOfThePopulation) {
   // A standard deviation from eight has a relative standard error of 27 %; a factor of 2.3 covers four of them.
   EXPECT_GT(eight().parameters[4].sd, 0.05 / 2.3);
   EXPECT_LT(eight().parameters[4].sd, 0.05 * 2.3);
+}
+
+TEST(LearnReference, OfStepsAloneTheMapIsKnownWhereOnlyEdgesPass) {
+  std::vector<ValveRecordings> good = population(3, 5);
+  unsigned seed = 900;
+  for (const test::MadeValve& valve : made_valves(3, 5)) {
+    std::vector<Recording>& recordings = good[seed - 900].recordings;
+    recordings.back() = test::step_to(valve, 2.1, kNoise_psi, seed++);  // in the place of the triangle
+  }
+  const auto reference = learn_reference(good, "type-1");
+  ASSERT_TRUE(reference.has_value()) << reference.error().message;
+  for (const auto& member : reference->members) EXPECT_LT(member.rmse, 1.02 * kNoise_psi) << member.serial;
+  const StaticMap& map = *reference->model.map;
+  for (std::size_t k = 0; k < map.input.size(); ++k) {
+    EXPECT_NEAR(map.output[k], test::MadeValve{}.map(map.input[k]), 8) << map.input[k];
+    EXPECT_LT(reference->map_sd[k], 8) << map.input[k];
+  }
 }
 
 TEST(LearnReference, KnowsWhatItSaw) {

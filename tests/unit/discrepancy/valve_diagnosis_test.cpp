@@ -971,8 +971,9 @@ TEST(LeadStillAskedFor, IsWhatPutsARivalOut) {
     return lead_still_asked_for(winner, rival, leaves_usual, further, 2,
                                 {.good_valves = 8, .causes = {}, .leftovers = {}});
   };
-  // It has a lead of 50. Five sixths of what it removes are near, and a rival must leave 1.44 times what it leaves.
-  EXPECT_NEAR(lead_over(leak, curve, true, {}), kLeastEvidence - 50.0 / 2, 1e-9);
+  // It has a lead of 50. Five sixths of what it removes are near, and a rival must leave 1.44 times what it leaves. As
+  // an idealisation it may miss a twentieth of the effect.
+  EXPECT_NEAR(lead_over(leak, curve, true, {}), kLeastEvidence + 0.05 * 0.05 * 1000 / 2 - 50.0 / 2, 1e-9);
   EXPECT_NEAR(lead_over(leak, curve, false, {}), (1000.0 / 6 - 50) / 2, 1e-9);
   EXPECT_NEAR(lead_over(leak, curve, false, {.removed = 2000}), (0.44 * 500 - 50) / 2, 1e-9);
   EXPECT_NEAR(lead_over(leak, curve, false, {.left = 200, .removed = 2000}), (0.44 * 700 - 50) / 2, 1e-9);
@@ -981,7 +982,9 @@ TEST(LeadStillAskedFor, IsWhatPutsARivalOut) {
   EXPECT_NEAR(lead_over(leak, friction, true, {.removed = 2000}), (3000.0 / 6 - 250) / 2, 1e-9);
   // Beside play it is the best: friction's search has begun there. Four fifths of what play removes are not near.
   const Ranked play{.cause = "backlash", .reduction = 1000, .fitted_jointly = true};
-  EXPECT_LT(lead_over(play, friction, true, {.removed = 2000}), kLeastEvidence - 250.0 / 2 + 1e-9);
+  // It may miss 2.33 twentieths, as one law in a hundred does.
+  EXPECT_NEAR(lead_over(play, friction, true, {.removed = 2000}),
+              kLeastEvidence + std::pow(2.3263 * 0.05, 2) * 3000 / 2 - 250.0 / 2, 1e-3);
 }
 
 TEST(LeastContrast, IsAskedOfWhatSticksAndOfWhatLeavesMoreThanGoodValvesDo) {

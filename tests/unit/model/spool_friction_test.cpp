@@ -58,6 +58,29 @@ TEST(SlidingSpool, OnASlowRampSlipsFromBreakawayToTheKineticForce) {
   EXPECT_NEAR(position.back(), 0.45 - 0.08, 0.02 + 1e-9);
 }
 
+TEST(SlidingSpool, UnderAStepItIsTheFreeSpoolUnderAsMuchLessWheneverTheStepComes) {
+  const std::size_t samples = 60, jump_at = 10;
+  const double jump_a = 0.5, held_a = 0.08;
+  const SpoolFriction friction{.breakaway_a = held_a, .kinetic_a = held_a, .stribeck_a_per_s = 0.2};
+  IntervalSignal step;
+  for (std::size_t i = 0; i < samples; ++i) step.start.push_back(i < jump_at ? 0 : jump_a);
+  step.end = step.start;
+  std::vector<double> position(samples);
+  for (int part = 0; part <= 40; ++part) {
+    ValveDynamics late = kSpool;
+    late.delay_s = kPeriod_s * (1 + part / 20.0);
+    run_sliding_spool(late, friction, kPeriod_s, step, 0, position);
+    for (std::size_t i = 0; i < samples; ++i) {
+      const double t = kPeriod_s * (static_cast<double>(i) - static_cast<double>(jump_at)) - late.delay_s;
+      // Source: the step response of a pair of poles, Ogata, Modern Control Engineering, 5.3.
+      const double wn = kSpool.natural_frequency_rad_s, zeta = kSpool.damping_ratio;
+      const double wd = wn * std::sqrt(1 - zeta * zeta), decay = std::exp(-zeta * wn * t);
+      const double free = t < 0 ? 0 : 1 - decay * (std::cos(wd * t) + zeta * wn / wd * std::sin(wd * t));
+      EXPECT_NEAR(position[i], (jump_a - held_a) * std::min(free, 1.0), 0.003 * jump_a) << late.delay_s << ' ' << i;
+    }
+  }
+}
+
 TEST(SlidingSpool, AFrictionThatGrowsAlongTheWayHoldsFartherAtItsEnd) {
   SpoolFriction growing = kFriction;
   growing.growth = {.per_a = 1, .middle_a = 0.2};
