@@ -339,8 +339,28 @@ ValveParameters middle_of(const std::vector<const Member*>& members, const Valve
   return to_parameters(middle, options.reference_psi, options.usual);
 }
 
-/// Every valve fitted, those that are unlike the others left out. `before` are earlier fits of the same valves: one
-/// that is led astray by the start that all have in common is also tried from its own end.
+/// A fit may be led astray by the start that all have in common. One that leaves more than the one that leaves least is
+/// tried from where that ended, and from where an earlier fit of its valve did.
+void try_other_starts(std::vector<Member>& members, ValveFitOptions options, std::span<const Member> before) {
+  constexpr double kAsLittle = 1.02;  // of the rms
+  const auto least = std::min_element(members.begin(), members.end(),
+                                      [](const Member& a, const Member& b) { return a.fit.rmse < b.fit.rmse; });
+  const double least_left = least->fit.rmse;
+  const ValveParameters where = least->fit.parameters;
+  for (std::size_t i = 0; i < members.size(); ++i) {
+    Member& member = members[i];
+    std::vector<ValveParameters> starts{where};
+    if (!before.empty()) starts.push_back(before[i].fit.parameters);
+    for (const ValveParameters& start : starts) {
+      if (member.fit.rmse <= kAsLittle * least_left) break;
+      options.start = start;
+      auto other = fit_member(*member.valve, options);
+      if (other && other->rmse < member.fit.rmse) member.fit = std::move(*other);
+    }
+  }
+}
+
+/// Every valve fitted, those that are unlike the others left out. `before` are earlier fits of the same valves.
 Result<std::vector<Member>> fit_members(std::span<const ValveRecordings> valves, ValveFitOptions options,
                                         std::span<const Member> before, const StageReport& report) {
   std::vector<Member> members;
@@ -348,16 +368,12 @@ Result<std::vector<Member>> fit_members(std::span<const ValveRecordings> valves,
     report_valve(report, "fitting", valve, members.size(), valves.size());
     auto fit = fit_member(valve, options);
     if (!fit) return tl::unexpected(fit.error());
-    if (!before.empty()) {
-      ValveFitOptions from_own_end = options;
-      from_own_end.start = before[members.size()].fit.parameters;
-      auto other = fit_member(valve, from_own_end);
-      if (other && other->rmse < fit->rmse) fit = std::move(other);
-    }
-    Member member{.valve = &valve, .fit = std::move(*fit)};
+    if (!options.start) options.start = fit->parameters;
+    members.push_back({.valve = &valve, .fit = std::move(*fit)});
+  }
+  try_other_starts(members, options, before);
+  for (Member& member : members) {
     member.vector = member.fit.vector.head(kParameters + static_cast<Index>(member.fit.map.output.size()));
-    if (!options.start) options.start = member.fit.parameters;
-    members.push_back(std::move(member));
   }
   point_out_outliers(members);
   return members;
@@ -499,8 +515,7 @@ Result<Reference> learn_reference(std::span<const ValveRecordings> given, const 
   const auto usual = learn_usual_mechanisms(recordings_of(alike), *options);
   if (!usual) return tl::unexpected(usual.error());
   options->usual = *usual;
-  const auto members = fit_members(valves, *options, has_mode ? *first : std::vector<Member>{},
-                                   report_part(report, kUsualLearned, kFittedAgain));
+  const auto members = fit_members(valves, *options, *first, report_part(report, kUsualLearned, kFittedAgain));
   if (!members) return tl::unexpected(members.error());
   return learn_with(*members, valve_type, *options, report_part(report, kFittedAgain, 1));
 }

@@ -105,8 +105,7 @@ struct PlayedInput {
   IntervalSignal between_samples;
 };
 
-std::optional<VectorXd> simulated(Model model, const PlayedInput& input) {
-  std::erase_if(model.mechanisms, [](const MechanismUse& use) { return use.cause == "side_input"; });
+std::optional<VectorXd> simulated(const Model& model, const PlayedInput& input) {
   const auto y = simulate_extended(model, input.between_samples, input.sample_period_s, {}, {});
   if (!y) return std::nullopt;
   return Eigen::Map<const VectorXd>(y->data(), static_cast<Index>(y->size()));

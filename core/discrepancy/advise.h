@@ -65,8 +65,8 @@ struct AdviceOptions {
 /// go. Among equals (within a hundredth) the shortest test is taken. Where it may leave the question open, a second
 /// test is played after it in the same recording, if that adds a tenth to the chance of settling.
 ///
-/// Only the most probable eight alternatives are compared; `none` is one of them where given. A law on a side channel
-/// is left out of the simulations: the channel of a future test is not known.
+/// Only the most probable eight alternatives are compared; `none` is one of them where given. Their models need no
+/// side channel: that of a future test is not known.
 ///
 /// returns  empty for fewer than two alternatives, a range without width, or where no test is expected to beat a rival
 ///          with a probability of 0.05

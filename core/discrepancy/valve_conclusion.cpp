@@ -8,6 +8,7 @@
 #include <numbers>
 #include <numeric>
 #include <span>
+#include <string_view>
 
 #include "core/discrepancy/advise.h"
 #include "core/discrepancy/evidence.h"
@@ -16,6 +17,7 @@
 #include "core/discrepancy/own_parameters.h"
 #include "core/discrepancy/recording_slip.h"
 #include "core/discrepancy/unnamed_account.h"
+#include "core/mechanisms/simulate_extended.h"
 #include "core/residual/noise_floor.h"
 #include "core/statistics/distributions.h"
 
@@ -387,11 +389,28 @@ std::optional<std::size_t> open_place(const std::vector<NamedCause>& causes) {
   return open;
 }
 
+/// Of all recordings, where they have it.
+double mean_of_channel(const ValveFitProblem& problem, std::string_view name) {
+  double sum = 0, samples = 0;
+  for (std::size_t r = 0; r < problem.recordings(); ++r) {
+    for (const Channel& channel : problem.recording(r).side) {
+      if (channel.name != name) continue;
+      sum = std::accumulate(channel.values.begin(), channel.values.end(), sum);
+      samples += static_cast<double>(channel.values.size());
+    }
+  }
+  return samples > 0 ? sum / samples : 0;
+}
+
 Alternative alternative(const Explanation& explanation, std::string cause, double probability, double inflation) {
-  return {.cause = std::move(cause),
-          .probability = probability,
-          .model = explanation.model(),
-          .moved = explanation.moved_models(inflation)};
+  // A test to come has no side channels yet: they stay at what they were in the mean.
+  const auto usual = [&](std::string_view channel) { return mean_of_channel(*explanation.problem, channel); };
+  Alternative made{.cause = std::move(cause),
+                   .probability = probability,
+                   .model = with_channels_at(usual, explanation.model()),
+                   .moved = explanation.moved_models(inflation)};
+  for (Model& moved : made.moved) moved = with_channels_at(usual, std::move(moved));
+  return made;
 }
 
 /// The causes of a place, as they were fitted together with the valve.

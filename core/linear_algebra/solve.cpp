@@ -24,6 +24,7 @@ MatrixXd pseudo_inverse(const MatrixXd& a) {
 }
 
 VectorXd least_squares(const MatrixXd& a, const VectorXd& b) {
+  if (a.size() == 0) return VectorXd::Zero(a.cols());
   return a.completeOrthogonalDecomposition().solve(b);
 }
 

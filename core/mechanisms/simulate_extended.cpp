@@ -259,6 +259,15 @@ Result<Model> with_reshaped_blocks(const Model& model) {
   return reshaped(model, laws);
 }
 
+Model with_channels_at(const std::function<double(std::string_view)>& value_of, Model model) {
+  for (MechanismUse& use : model.mechanisms) {
+    if (use.cause != "side_input") continue;
+    const double offset = use.parameters[0] * (value_of(use.channel) - use.parameters[1]);
+    use = {.cause = "sensor_offset", .parameters = {offset}};
+  }
+  return model;
+}
+
 std::vector<double> interleaved(const IntervalSignal& signal) {
   std::vector<double> both(2 * signal.start.size());
   for (std::size_t i = 0; i < signal.start.size(); ++i) {

@@ -1,5 +1,8 @@
 #pragma once
 
+#include <functional>
+#include <string_view>
+
 #include "core/mechanisms/mechanism.h"
 #include "core/model/model.h"
 
@@ -30,6 +33,10 @@ Result<std::vector<double>> simulate_extended(const Model& model, const Interval
 /// The model whose blocks the laws inside the valve have changed (loop, delay, volume); its mechanisms stay listed.
 /// Errors  as simulate_extended
 Result<Model> with_reshaped_blocks(const Model& model);
+
+/// The model on an input that comes without side channels, each of them staying at the value that `value_of` tells by
+/// its name: a `side_input` is a constant offset of the reading then.
+Model with_channels_at(const std::function<double(std::string_view)>& value_of, Model model);
 
 /// A signal as kInput laws see it, the start and the end of each interval one after the other, and back.
 std::vector<double> interleaved(const IntervalSignal& signal);

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <complex>
 #include <limits>
+#include <optional>
+#include <utility>
 
 #include "core/linear_algebra/solve.h"
 #include "core/model/free_run.h"

@@ -98,6 +98,14 @@ TEST(Machine, ALinearOscillatorHasNothingWrong) {
   expect_nothing(diagnosis_of(recording(u, Oscillator{}.run(u, kPeriod_s), kPeriod_s, kNoise, 2)).discrepancy);
 }
 
+TEST(Machine, AsFewSamplesAsCanBeFittedAreGivenNoName) {
+  for (const std::size_t samples : {40u, 45u, 49u, 60u}) {
+    const auto u = random_command(samples, 8, 3);
+    const Discrepancy d = diagnosis_of(recording(u, lag(u, 0.15, kPeriod_s), kPeriod_s, 0.03, samples)).discrepancy;
+    EXPECT_NE(d.conclusion, Conclusion::kNamed) << samples;
+  }
+}
+
 TEST(Machine, TwoLagsWithADelayHaveNothingWrong) {
   auto u = random_command(kSamples, 30, 3);
   auto y = lag(lag(u, 0.15, kPeriod_s), 0.06, kPeriod_s);

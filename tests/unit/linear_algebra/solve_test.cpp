@@ -92,6 +92,12 @@ TEST(LeastSquares, GivesAnEmptyScaledColumnNoShare) {
   EXPECT_NEAR(x(2), -2, 1e-10);
 }
 
+TEST(LeastSquares, OfNoColumnsOrNoRowsIsNothing) {
+  EXPECT_EQ(least_squares(MatrixXd(40, 0), VectorXd::Ones(40)).size(), 0);
+  EXPECT_EQ(scaled_least_squares(MatrixXd(40, 0), VectorXd::Ones(40)).size(), 0);
+  EXPECT_EQ(least_squares(MatrixXd(0, 3), VectorXd(0)), VectorXd::Zero(3));
+}
+
 TEST(OrthonormalBasis, SpansTheColumnsAndNoMore) {
   MatrixXd a = random_matrix(20, 4, 14);
   a.col(3) = a.col(0) - a.col(1);

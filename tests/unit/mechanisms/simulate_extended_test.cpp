@@ -109,6 +109,25 @@ TEST(SimulateExtended, ASideInputIsFoundByItsName) {
   EXPECT_EQ(missing.error().code, "missing_channel");
 }
 
+TEST(WithChannelsAt, IsTheModelInARecordingWhoseChannelStaysThere) {
+  Model model = with(valve(), "side_input", {2, 20, 0}, "temperature_C");
+  model.mechanisms.push_back({.cause = "leakage", .parameters = {0.1}, .channel = ""});
+  Recording recording = motion();
+  for (Channel& channel : recording.side) std::fill(channel.values.begin(), channel.values.end(), 23.5);
+  const auto recorded = simulate_extended(model, recording, {});
+  std::string asked;
+  const Model alone = with_channels_at(
+      [&](std::string_view channel) {
+        asked = channel;
+        return 23.5;
+      },
+      model);
+  const auto to_come = simulate_extended(alone, input_between_samples(recording), recording.sample_period_s, {}, {});
+  ASSERT_TRUE(recorded && to_come);
+  EXPECT_EQ(asked, "temperature_C");
+  for (std::size_t i = 0; i < recorded->size(); ++i) ASSERT_NEAR((*to_come)[i], (*recorded)[i], 1e-9) << i;
+}
+
 TEST(SimulateExtended, ABrokenContactBelongsToItsRecording) {
   const std::vector<double> parameters{3, -0.2, 4};
   EXPECT_EQ(run(with(valve(), "intermittent", parameters, "other.csv")), run(valve()));
