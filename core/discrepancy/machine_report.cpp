@@ -98,18 +98,20 @@ double at_reading(const MachineData& data, const MachineFit& fit, std::size_t fr
   return value;
 }
 
-/// Whether the lower tank of a chain stands at its rim, often enough to be seen.
+/// Whether the rims of tanks hold something back, often enough to be seen.
 bool reaches_rim(const MachineData& data, const MachineFit& fit, std::size_t tanks) {
-  const double rim = fit.machine.blocks[tanks].parameters[8];
-  std::size_t full = 0;
+  constexpr double kSeen = 1e-6;
+  std::size_t held = 0;
   for (std::size_t r = 0; r < data.records.size(); ++r) {
+    const MachineRecord& record = data.records[r];
     Machine chain = fit.machine;
     chain.blocks.resize(tanks + 1);
-    const MachineRecord& record = data.records[r];
     const auto level = run_machine(chain, around(record), fit.starts[r], record.input);
-    for (const std::size_t t : record.valid) full += level[t] >= rim - 1e-9 * std::abs(rim) ? 1 : 0;
+    chain.blocks[tanks].parameters[6] = chain.blocks[tanks].parameters[8] = kNoRim;
+    const auto boundless = run_machine(chain, around(record), fit.starts[r], record.input);
+    for (const std::size_t t : record.valid) held += std::abs(boundless[t] - level[t]) > kSeen ? 1 : 0;
   }
-  return full >= 3;
+  return held >= 3;
 }
 
 /// The major loop of a restoring force along the output's range up and down, by the law's own equation.
@@ -200,7 +202,14 @@ void add_levels(Writer& writer, const MachineData& data, const MachineFit& fit, 
   for (std::size_t b = 0; b < fit.machine.blocks.size(); ++b) {
     const MachineBlock& block = fit.machine.blocks[b];
     if (block.law == MachineLaw::kTanks) {
-      add_level(writer, "level_psi", block.parameters[8], writer.error_of(b, 8), data, unit);
+      const auto& p = block.parameters;
+      if (p[8] < kNoRim) {
+        add_level(writer, "level_psi", p[8], writer.error_of(b, 8), data, unit);
+      } else {
+        // What the lower level comes to while the upper one stands at its rim.
+        const double passed = p[3] / p[4];
+        add_level(writer, "level_psi", p[9] + passed * p[6], passed * writer.error_of(b, 6), data, unit);
+      }
     }
     if (block.law != MachineLaw::kUpperLimit && block.law != MachineLaw::kLowerLimit) continue;
     if (!is_reached(data, fit, b)) continue;
@@ -261,15 +270,16 @@ std::string per(const std::string& unit, const char* what) {
 }
 
 /// Parameters that say how much of a cause there is, and what they are where there is none.
-constexpr std::array<std::pair<const char*, double>, 9> kSizes{{{"breakaway_A", 0},
-                                                                {"width_A", 0},
-                                                                {"cubic_coefficient", 0},
-                                                                {"curvature", 0},
-                                                                {"fall_to_rise_ratio", 1},
-                                                                {"drift_psi_per_s", 0},
-                                                                {"amplitude_psi", 0},
-                                                                {"coefficient", 0},
-                                                                {"gain_change", 0}}};
+constexpr std::array<std::pair<const char*, double>, 10> kSizes{{{"breakaway_A", 0},
+                                                                 {"width_A", 0},
+                                                                 {"cubic_coefficient", 0},
+                                                                 {"curvature", 0},
+                                                                 {"exponent", 1},
+                                                                 {"fall_to_rise_ratio", 1},
+                                                                 {"drift_psi_per_s", 0},
+                                                                 {"amplitude_psi", 0},
+                                                                 {"coefficient", 0},
+                                                                 {"gain_change", 0}}};
 
 }  // namespace
 
@@ -378,6 +388,7 @@ bool have_certain_sizes(const std::vector<std::string>& causes, const MachineDat
 bool has_effect(const MachineScore& score, const MachineData& data, const MachineGround& ground) {
   constexpr double kGainChange = 0.02;
   const double input = ground.input_range();
+  const bool stops = std::find(score.causes.begin(), score.causes.end(), "saturation") != score.causes.end();
   bool limits = false, active = false;
   for (std::size_t b = 0; b < score.fit.machine.blocks.size(); ++b) {
     const MachineBlock& block = score.fit.machine.blocks[b];
@@ -397,7 +408,7 @@ bool has_effect(const MachineScore& score, const MachineData& data, const Machin
         active = active || is_reached(data, score.fit, b);
         break;
       case MachineLaw::kTanks:
-        if (score.causes.size() > 1 && !reaches_rim(data, score.fit, b)) return false;
+        if (stops && !reaches_rim(data, score.fit, b)) return false;
         break;
       case MachineLaw::kCurve:
         if (std::abs(p[0]) < 0.02) return false;

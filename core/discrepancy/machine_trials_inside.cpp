@@ -350,14 +350,55 @@ std::vector<MachineTrial> motion_trials(const MachineData& data, const MachineGr
   return loops;
 }
 
+namespace {
+
+MachineFit tank_fit(MachineBlock tank, bool two, double input_high, double period_s) {
+  MachineFit fit;
+  fit.machine.sample_period_s = period_s;
+  fit.machine.blocks = {std::move(tank)};
+  fit.free = {law_parameter(0, 1, 1e-9, 1e9, true), law_parameter(0, 2, -1e3, input_high),
+              law_parameter(0, 4, 1e-9, 1e9, true)};
+  if (two) fit.free.push_back(law_parameter(0, 3, 1e-9, 1e9, true));
+  return fit;
+}
+
+FreeParameter rim_of(const MachineGround& g) {
+  return law_parameter(0, 8, g.output_high - 0.3 * g.output_range(), g.output_high + 0.1 * g.output_range());
+}
+
+/// Levels that follow their inflow in proportion, one of them up to a rim: what overflows does not come back, as behind
+/// a reading that stops it would. The outlets lie so far below all levels that nothing runs dry.
+MachineTrial overflow_trial(const MachineData& data, const MachineGround& g) {
+  constexpr double kOutletBelow = 2;  // ranges of the output
+  MachineTrial trial{{"saturation"}, "of a level, at a rim", {}};
+  for (const double tanks : {1.0, 2.0}) {
+    const auto emptying = emptying_of(g, tanks > 1 ? 2 : 1);
+    if (!emptying) continue;
+    const auto [lag_s, gain] = *emptying;
+    const double zero = g.output_low - kOutletBelow * g.output_range(), rate = 1 / lag_s;
+    const MachineFit fit = tank_fit(
+        block_of(MachineLaw::kTanks, {tanks, gain * rate, zero / gain, rate, rate, 1, kNoRim, 0, kNoRim, zero, 1}),
+        tanks > 1, g.input_high, data.period_s);
+    trial.starts.push_back(fit);
+    trial.starts.back().machine.blocks[0].parameters[8] = g.output_high;
+    trial.starts.back().free.push_back(rim_of(g));
+    if (tanks < 2) continue;
+    const double deepest = g.output_high - zero;
+    trial.starts.push_back(fit);
+    trial.starts.back().machine.blocks[0].parameters[6] = deepest;
+    trial.starts.back().free.push_back(law_parameter(0, 6, 0.05 * deepest, 50 * deepest, true));
+  }
+  return trial;
+}
+
+}  // namespace
+
 std::vector<MachineTrial> tank_trials(const MachineData& data, const MachineGround& g) {
-  const double period = data.period_s;
   constexpr double kLeastExponent = 0.2;  // an orifice has 1/2, a long pipe 1; a tank that widens has less of either
   const std::vector<FreeParameter> exponents{law_parameter(0, 5, kLeastExponent, 1),
                                              law_parameter(0, 10, kLeastExponent, 1)};
   MachineTrial plain{{"orifice_flow"}, "in the outflow", {}, exponents};
   MachineTrial spilling{{"orifice_flow", "saturation"}, "in the outflow, with a rim", {}, exponents};
-  constexpr double kNoRim = 1e6;
   for (const double tanks : {1.0, 2.0}) {
     const auto emptying = emptying_of(g, tanks > 1 ? 2 : 1);
     if (!emptying) continue;
@@ -369,20 +410,15 @@ std::vector<MachineTrial> tank_trials(const MachineData& data, const MachineGrou
       const double inflow = outflow * std::sqrt(mean_level);
       const double slope = gain * outflow / (2 * std::sqrt(mean_level));
       const double closed = -inflow / slope;
-      MachineBlock tank =
-          block_of(MachineLaw::kTanks, {tanks, slope, closed, outflow, outflow, 0.5, kNoRim, 0, kNoRim, zero, 0.5});
-      MachineFit fit;
-      fit.machine.sample_period_s = period;
-      fit.machine.blocks = {tank};
-      fit.free = {law_parameter(0, 1, 1e-9, 1e9, true), law_parameter(0, 2, -1e3, g.input_high),
-                  law_parameter(0, 4, 1e-9, 1e9, true), law_parameter(0, 9, -50, g.output_low)};
-      if (tanks > 1) fit.free.push_back(law_parameter(0, 3, 1e-9, 1e9, true));
+      MachineFit fit = tank_fit(
+          block_of(MachineLaw::kTanks, {tanks, slope, closed, outflow, outflow, 0.5, kNoRim, 0, kNoRim, zero, 0.5}),
+          tanks > 1, g.input_high, data.period_s);
+      fit.free.push_back(law_parameter(0, 9, -50, g.output_low));
       plain.starts.push_back(fit);
       auto& rims = fit.machine.blocks[0].parameters;
       const double deepest = g.output_high - zero;
       rims[8] = g.output_high;
-      fit.free.push_back(
-          law_parameter(0, 8, g.output_high - 0.3 * g.output_range(), g.output_high + 0.1 * g.output_range()));
+      fit.free.push_back(rim_of(g));
       spilling.starts.push_back(fit);
       if (tanks < 2) continue;
       for (const double rim : {0.6, 1.0, 1.6}) {
@@ -397,7 +433,7 @@ std::vector<MachineTrial> tank_trials(const MachineData& data, const MachineGrou
       }
     }
   }
-  return {plain, spilling};
+  return {plain, spilling, overflow_trial(data, g)};
 }
 
 }  // namespace valvetriage

@@ -62,6 +62,9 @@ enum class MachineLaw : std::uint8_t {
   kGainStep,
   kSide
 };
+
+/// A rim of kTanks that no level comes to.
+inline constexpr double kNoRim = 1e6;
 constexpr std::size_t kMachineLaws = static_cast<std::size_t>(MachineLaw::kSide) + 1;
 
 /// Name in documents and names of the parameters, in order.

@@ -271,13 +271,19 @@ TEST_F(Cli, ThePageForAPersonGivesTheIntervalOfAParameter) {
 
 // With three good valves every law bends the fit, and friction's own fits end in its wrong valleys: a loop fits better.
 // From play these recordings do not tell it: the two fits differ by two noise variances of 1690.
-TEST_F(Cli, ASpoolThatSticksIsNotCalledALoopWhereFewGoodValvesAreKnown) {
+TEST_F(Cli, ASpoolThatSticksIsNotNamedALoopWhereFewGoodValvesAreKnown) {
   const Json& discrepancy = analysis_of_sticking()["discrepancy"];
-  ASSERT_FALSE(discrepancy["causes"].empty()) << discrepancy["conclusion"];
+  ASSERT_EQ(discrepancy["conclusion"], "ambiguous");
+  ASSERT_EQ(discrepancy["causes"].size(), 1u);
   const Json& cause = discrepancy["causes"][0];
   std::set<std::string> asked{cause["cause"].get<std::string>()};
   for (const Json& rival : cause["alternatives"]) asked.insert(rival.get<std::string>());
-  EXPECT_EQ(asked, (std::set<std::string>{"backlash", "friction"}));
+  // What sticks, what has play and a smooth loop fit steps and a staircase to a few thousandths of the effect.
+  EXPECT_EQ(asked.count("friction"), 1u);
+  EXPECT_EQ(asked.count("backlash"), 1u);
+  asked.erase("hysteresis");
+  EXPECT_EQ(asked.size(), 2u);
+  EXPECT_FALSE(discrepancy["next_test"].is_null());
 }
 
 TEST_F(Cli, TheModelOfAnAnalysisSimulatesAndGivesOneRowPerInputRow) {

@@ -151,6 +151,21 @@ TEST(Machine, ATankThatEmptiesByTheRootOfItsLevelIsFound) {
   EXPECT_NEAR(parameter(diagnosis.discrepancy.causes[0], "exponent"), 0.5, 0.05);
 }
 
+TEST(Machine, ALevelInProportionThatOverflowsIsASaturationAndNoOrifice) {
+  const auto u = random_command(1500, 25, 45);
+  Signal y(u.size());
+  double level = 0;
+  const double rim = 0.6;
+  for (std::size_t t = 0; t < y.size(); ++t) {
+    y[t] = level;
+    for (int s = 0; s < 10; ++s) level = std::min(level + 0.1 * kPeriod_s * 3 * (u[t] - level), rim);
+  }
+  const auto diagnosis = diagnosis_of(recording(u, y, kPeriod_s, 0.005, 46));
+  expect_found(diagnosis, "saturation");
+  ASSERT_FALSE(HasFatalFailure());
+  EXPECT_NEAR(parameter(diagnosis.discrepancy.causes[0], "level_psi"), rim, 0.01);
+}
+
 TEST(Machine, ATankBelowAnotherHasAnExponentOfItsOwn) {
   const auto u = each(random_command(1200, 20, 43), [](double x) { return 2.6 + 0.8 * x; });
   const auto diagnosis = diagnosis_of(recording(u, Tanks{.exponent_upper = 1}.run(u, 1.0), 1.0, 0.03, 44));
