@@ -352,7 +352,8 @@ std::vector<MachineTrial> motion_trials(const MachineData& data, const MachineGr
 
 namespace {
 
-MachineFit tank_fit(MachineBlock tank, bool two, double input_high, double period_s) {
+MachineFit tank_fit(MachineBlock tank, double input_high, double period_s) {
+  const bool two = tank.parameters[0] > 1;
   MachineFit fit;
   fit.machine.sample_period_s = period_s;
   fit.machine.blocks = {std::move(tank)};
@@ -378,7 +379,7 @@ MachineTrial overflow_trial(const MachineData& data, const MachineGround& g) {
     const double zero = g.output_low - kOutletBelow * g.output_range(), rate = 1 / lag_s;
     const MachineFit fit = tank_fit(
         block_of(MachineLaw::kTanks, {tanks, gain * rate, zero / gain, rate, rate, 1, kNoRim, 0, kNoRim, zero, 1}),
-        tanks > 1, g.input_high, data.period_s);
+        g.input_high, data.period_s);
     trial.starts.push_back(fit);
     trial.starts.back().machine.blocks[0].parameters[8] = g.output_high;
     trial.starts.back().free.push_back(rim_of(g));
@@ -412,7 +413,7 @@ std::vector<MachineTrial> tank_trials(const MachineData& data, const MachineGrou
       const double closed = -inflow / slope;
       MachineFit fit = tank_fit(
           block_of(MachineLaw::kTanks, {tanks, slope, closed, outflow, outflow, 0.5, kNoRim, 0, kNoRim, zero, 0.5}),
-          tanks > 1, g.input_high, data.period_s);
+          g.input_high, data.period_s);
       fit.free.push_back(law_parameter(0, 9, -50, g.output_low));
       plain.starts.push_back(fit);
       auto& rims = fit.machine.blocks[0].parameters;
