@@ -333,7 +333,7 @@ std::vector<double> ValveFitProblem::law_parameters(const VectorXd& v, std::size
 LawContext ValveFitProblem::context(const VectorXd& v, std::size_t recording, Place place) const {
   const Prepared& prepared = prepared_[recording];
   const double lowest = v(kParameters), highest = v(kParameters + knots_ - 1);
-  const bool is_ahead = place != Place::kOutput;
+  const bool is_ahead = place != Place::kOutput && place != Place::kReading;
   return {.time_s = place == Place::kInput ? prepared.ends_s
                     : is_ahead             ? prepared.half_time_s
                                            : prepared.time_s,
@@ -371,6 +371,12 @@ void ValveFitProblem::apply_laws(Place place, const VectorXd& v, std::size_t rec
     seen.steady = steady;
     law.law->apply(law_parameters(v, l, recording), seen, signal);
   }
+}
+
+void ValveFitProblem::read_off(const VectorXd& v, std::size_t recording, std::span<const double> steady,
+                               std::vector<double>& pressure, std::vector<std::vector<double>>* before) const {
+  apply_laws(Place::kOutput, v, recording, steady, pressure, before);
+  apply_laws(Place::kReading, v, recording, steady, pressure, nullptr);
 }
 
 IntervalSignal ValveFitProblem::behind_input_laws(const VectorXd& v, std::size_t recording) const {
@@ -501,7 +507,7 @@ std::vector<ValveFitProblem::Run> ValveFitProblem::runs(const VectorXd& v, std::
     Run& run = runs[k];
     read_behind_lag(options_.usual.gauge_lag_s, period_s(recordings[k]), run.pressure);
     run.output = run.pressure;
-    apply_laws(Place::kOutput, v, recordings[k], run.asked, run.output, tangents ? &run.before_output : nullptr);
+    read_off(v, recordings[k], run.asked, run.output, tangents ? &run.before_output : nullptr);
   }
   return runs;
 }
@@ -565,8 +571,13 @@ std::vector<std::vector<double>> ValveFitProblem::simulate_behind_last(const Vec
       }
       if (blocks.valve.mode) filling[k] = ahead_of_volume(blocks, v, r, steady[k]).psi;
     } else {
-      outputs[k] = acts_at(law, Place::kOutput, r) ? with_law(Place::kOutput, r, before_law.output, before_law.asked)
-                                                   : before_law.output;
+      outputs[k] = before_law.output;
+      if (acts_at(law, Place::kReading, r)) {
+        outputs[k] = with_law(Place::kReading, r, before_law.output, before_law.asked);
+      } else if (acts_at(law, Place::kOutput, r)) {
+        outputs[k] = before_law.pressure;
+        read_off(v, r, before_law.asked, outputs[k], nullptr);
+      }
     }
   }
   if (!whole.empty()) {
@@ -583,7 +594,7 @@ std::vector<std::vector<double>> ValveFitProblem::simulate_behind_last(const Vec
   run_volumes(through);
   for (const std::size_t k : behind_map) {
     read_behind_lag(options_.usual.gauge_lag_s, period_s(recordings[k]), outputs[k]);
-    apply_laws(Place::kOutput, v, recordings[k], at_samples(steady[k]), outputs[k], nullptr);
+    read_off(v, recordings[k], at_samples(steady[k]), outputs[k], nullptr);
   }
   return outputs;
 }
@@ -982,7 +993,7 @@ class ValveFitProblem::Columns {
       return steady;
     }
     std::vector<double> output = base_.pressure;
-    problem_.apply_laws(Place::kOutput, w, recording_, base_.asked, output, nullptr);
+    problem_.read_off(w, recording_, base_.asked, output, nullptr);
     for (std::size_t i = 0; i < output.size(); ++i) output[i] = (output[i] - base_.output[i]) / step;
     return output;
   }

@@ -91,7 +91,7 @@ class ValveFitProblem {
     std::vector<double> asked;                       ///< the same at the samples
     Filling filling;                                 ///< behind the mode, where there is one
     std::vector<double> pressure;                    ///< behind the volume and the gauge
-    std::vector<std::vector<double>> before_output;  ///< what enters each output law
+    std::vector<std::vector<double>> before_output;  ///< what enters each law at the output
     std::vector<double> output;
     VolumeTangent tangent;
   };
@@ -209,6 +209,9 @@ class ValveFitProblem {
   IntervalSignal behind_input_laws(const Eigen::VectorXd& v, std::size_t recording) const;
   void apply_laws(Place place, const Eigen::VectorXd& v, std::size_t recording, std::span<const double> steady,
                   std::vector<double>& signal, std::vector<std::vector<double>>* before) const;
+  /// What is read of the pressure: the laws at the output, then those on the reading.
+  void read_off(const Eigen::VectorXd& v, std::size_t recording, std::span<const double> steady,
+                std::vector<double>& pressure, std::vector<std::vector<double>>* before) const;
   void output_tangents(const Eigen::VectorXd& v, std::size_t recording, const Run& base,
                        std::vector<double>& change) const;
 

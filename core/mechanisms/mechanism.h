@@ -20,11 +20,14 @@ namespace valvetriage {
 /// kPosition  behind the spool's dynamics, before the static map; input units
 /// kSteady    behind the static map: the output that would be steady
 /// kPhysics   inside the valve's own blocks: the law changes their parameters (`reshape`)
-/// kOutput    behind everything: the reading
+/// kOutput    behind the volume: what the gauge makes of it
+/// kReading   added to the reading, behind every law at kOutput whatever their order: what nothing between the valve
+/// and
+///            the log delays or limits
 ///
 /// In a linear model, which has no map and no volume, x = G (u − input_offset) / G(0) + input_offset is the position,
 /// and kSteady acts where kOutput does, before it.
-enum class Place : std::uint8_t { kInput, kPosition, kSteady, kPhysics, kOutput };
+enum class Place : std::uint8_t { kInput, kPosition, kSteady, kPhysics, kOutput, kReading };
 
 /// One physical parameter of a law.
 struct MechanismParameter {
@@ -69,7 +72,7 @@ struct LawContext {
   double output_range = 0;         ///< R
   std::span<const double> steady;  ///< kOutput and kSteady: the output that would be steady, empty if unknown
   std::span<const double> driver;  ///< kInput: the signal without its noise, edges kept; empty: the signal itself
-  std::span<const Channel> side;   ///< side channels on the same samples (kOutput only)
+  std::span<const Channel> side;   ///< side channels on the same samples (kReading only)
   std::size_t recording = 0;       ///< index of the recording in the session
   std::span<const double> input;   ///< kSteady: the input at each sample; empty if unknown
   double input_middle = 0;         ///< kSteady: middle of the input's range, ends of the map

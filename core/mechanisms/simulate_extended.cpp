@@ -226,7 +226,7 @@ Result<std::vector<double>> run(const Model& model, const IntervalSignal& input,
     signal_laws.at_steady = [&](std::span<double> m) { run_laws(laws, Place::kSteady, context, m); };
   }
   const std::vector<double> stamps = law_stamps(input.start.size(), sample_period_s);
-  if (any_at(laws, Place::kOutput) || (at_steady && !model.map)) {
+  if (any_at(laws, Place::kOutput) || any_at(laws, Place::kReading) || (at_steady && !model.map)) {
     signal_laws.at_output = [&](std::span<const double> steady, std::span<double> y) {
       LawContext here = context;
       here.time_s = stamps;
@@ -234,6 +234,7 @@ Result<std::vector<double>> run(const Model& model, const IntervalSignal& input,
       if (!model.map) run_laws(laws, Place::kSteady, here, y);
       here.steady = steady;
       run_laws(laws, Place::kOutput, here, y);
+      run_laws(laws, Place::kReading, here, y);
     };
   }
   std::optional<LawInput> law_input;

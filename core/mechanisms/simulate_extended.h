@@ -12,6 +12,7 @@ namespace valvetriage {
 /// their order (mechanism.h tells where each acts).
 ///
 ///   u → [kInput] → magnetic loop, delay, spool → [kPosition] → map → [kSteady] → volume → + output_offset → [kOutput]
+///   → [kReading]
 ///
 /// Equal to `simulate` to the last bit where there are no mechanisms. The output's range R and the input's are those of
 /// the map; a linear model has none, so R is that of its own run without laws. `side_input` takes its channel by name

@@ -642,7 +642,11 @@ Result<std::string> to_c(const Model& given, double sample_period_s) {
   }
 
   const CLaws input = laws_at(*model, Place::kInput), position = laws_at(*model, Place::kPosition),
-              steady = laws_at(*model, Place::kSteady), output = laws_at(*model, Place::kOutput);
+              steady = laws_at(*model, Place::kSteady);
+  CLaws output = laws_at(*model, Place::kOutput);
+  const CLaws reading = laws_at(*model, Place::kReading);
+  output.state += reading.state;
+  output.code += reading.code;
   text += filter_text(dynamics->ahead);
   text += dynamics->behind ? mode_text(*dynamics->behind) : kNoMode;
   text +=

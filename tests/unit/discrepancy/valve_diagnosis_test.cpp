@@ -930,6 +930,29 @@ TEST(ValveDiagnosis, AChannelThatLowersTheReadingIsFoundAsOneThatRaisesItBehindF
   }
 }
 
+TEST(ValveDiagnosis, AChannelsOwnNoiseIsNoLagOfTheReading) {
+  const test::MadeValve valve;
+  auto healthy = test::session(valve, kNoise_psi, 7);
+  std::mt19937 random(5);
+  std::normal_distribution<double> noise(0, 0.1);
+  const auto temperature = [](std::size_t i, std::size_t recording) {
+    const double turns = 0.005 * static_cast<double>(i) / 7 + 0.3 * static_cast<double>(recording);
+    return 24 + 2 * std::sin(2 * std::numbers::pi * turns);
+  };
+  for (std::size_t r = 0; r < healthy.size(); ++r) {
+    Channel logged{.name = "temperature_C", .unit = "C", .values = {}};
+    for (std::size_t i = 0; i < healthy[r].samples(); ++i) logged.values.push_back(temperature(i, r) + noise(random));
+    healthy[r].side.push_back(std::move(logged));
+  }
+  auto spoiled = healthy;
+  for (std::size_t r = 0; r < spoiled.size(); ++r) {
+    for (std::size_t i = 0; i < spoiled[r].samples(); ++i) spoiled[r].output.values[i] += 2 * (temperature(i, r) - 24);
+  }
+  const Discrepancy found = diagnosed(spoiled, Population(healthy, valve)).discrepancy;
+  ASSERT_EQ(found.causes.size(), 1u);
+  EXPECT_EQ(found.causes.front().cause, "side_input");
+}
+
 TEST(ValveDiagnosis, ASizeThatIsExcludedWouldHaveBeenFound) {
   const test::MadeValve valve;
   const auto healthy = test::session(valve, kNoise_psi, 3);

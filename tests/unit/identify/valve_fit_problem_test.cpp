@@ -113,6 +113,35 @@ INSTANTIATE_TEST_SUITE_P(
                      testing::Values(Order::kSpoolThenMap, Order::kMapThenMode)),
     [](const auto& put_in) { return std::string(std::get<PutIn>(put_in.param).cause) + std::to_string(put_in.index); });
 
+TEST(ValveFitProblem, ALagThatIsFoundAfterASideInputDelaysTheValveAlone) {
+  const test::MadeValve valve;
+  auto recordings = test::session(valve, 0.35, 11);
+  for (Recording& recording : recordings) {
+    Channel side{.name = "temperature_C", .unit = "C", .values = {}};
+    for (std::size_t i = 0; i < recording.samples(); ++i) side.values.push_back(std::sin(0.7 * static_cast<double>(i)));
+    recording.side.push_back(std::move(side));
+  }
+  const auto with_laws = [&](std::initializer_list<PutIn> laws) {
+    ValveFitOptions options = options_at_105_psi(recordings);
+    for (const auto& [cause, parameters] : laws) {
+      const std::vector<double> step(parameters.size(), 1e-4);
+      options.laws.push_back({find_mechanism(cause), parameters, parameters, parameters, step, {}, {}});
+    }
+    return options;
+  };
+  const PutIn side{"side_input", {2, 0.5, 0}}, lag{"extra_lag", {0.05, 0}};
+  const ValveFitOptions of_lag = with_laws({lag}), of_side = with_laws({side}), of_both = with_laws({side, lag});
+  const ValveFitProblem lagging(recordings, of_lag), sided(recordings, of_side), both(recordings, of_both);
+  const Eigen::VectorXd at_both = both.start_vector(valve.parameters), at_side = sided.start_vector(valve.parameters);
+  const std::vector<double> y = both.simulate(at_both, 0),
+                            without = lagging.simulate(lagging.start_vector(valve.parameters), 0);
+  const std::vector<std::size_t> first{0};
+  EXPECT_EQ(both.simulate_behind_last(at_both, first, sided.all_runs(at_side)).front(), y);
+  for (std::size_t i = 0; i < y.size(); ++i) {
+    ASSERT_NEAR(y[i] - without[i], 2 * (recordings[0].side[0].values[i] - 0.5), 1e-9) << i;
+  }
+}
+
 TEST(ValveFitProblem, ALawOnTheInputWithoutEffectChangesNothingBehindAMode) {
   const test::MadeValve valve = test::with_a_mode();
   const auto recordings = test::session(valve, 0.35, 11);

@@ -109,6 +109,15 @@ TEST(SimulateExtended, ASideInputIsFoundByItsName) {
   EXPECT_EQ(missing.error().code, "missing_channel");
 }
 
+TEST(SimulateExtended, ASideInputIsNotDelayedByALagThatIsListedBehindIt) {
+  const Model lagging = with(valve(), "extra_lag", {0.2, 0});
+  Model both = with(valve(), "side_input", {2, 20, 0}, "temperature_C");
+  both.mechanisms.push_back({.cause = "extra_lag", .parameters = {0.2, 0}, .channel = ""});
+  const auto y = run(both), without = run(lagging);
+  const std::vector<double>& s = example::side()[0].values;
+  for (std::size_t i = 0; i < y.size(); ++i) ASSERT_NEAR(y[i] - without[i], 2 * (s[i] - 20), 1e-9) << i;
+}
+
 TEST(WithChannelsAt, IsTheModelInARecordingWhoseChannelStaysThere) {
   Model model = with(valve(), "side_input", {2, 20, 0}, "temperature_C");
   model.mechanisms.push_back({.cause = "leakage", .parameters = {0.1}, .channel = ""});

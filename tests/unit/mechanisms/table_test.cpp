@@ -32,6 +32,8 @@ std::string_view place_name(Place place) {
       return "inside the valve";
     case Place::kOutput:
       return "reading";
+    case Place::kReading:
+      return "reading, behind every other law";
   }
   return "";
 }
