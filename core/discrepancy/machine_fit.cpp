@@ -67,7 +67,7 @@ double restored(const FreeParameter& p, double moved) {
 /// A value a little away from where it stands, inside its bounds, and how far that is in the transformed scale.
 double probe(const Machine& machine, const FreeParameter& p, double& distance) {
   const double value = value_of(machine, p);
-  const double step = kRelativeStep * (p.logarithmic ? value : std::max(std::abs(value), 0.1));
+  const double step = kRelativeStep * (p.logarithmic ? value : std::max(std::abs(value), 0.1 * p.unit));
   const double moved = value + step <= p.upper ? value + step : value - step;
   distance = transformed(p, moved) - transformed(p, value);
   return moved;
@@ -102,6 +102,14 @@ class Refiner {
   Refiner(const MachineData& data, const MachineRows& rows, MachineFit& fit, MachineBudget& budget, bool shared)
       : data_(data), rows_(rows), fit_(fit), budget_(budget), limits_(longest(data)), shared_(shared) {
     states_ = start_size(fit.machine);
+    for (const FreeParameter& p : fit.free) {
+      if (shared) units_.push_back(p.logarithmic ? 1 : p.unit);
+    }
+    for (std::size_t r = 0; r < data.records.size(); ++r) {
+      for (const MachineBlock& block : fit.machine.blocks) {
+        for (std::size_t i = 0; i < start_size(block); ++i) units_.push_back(unit_of_start(block, i));
+      }
+    }
     for (auto& start : fit_.starts) start.resize(states_);
     fit_.starts.resize(data.records.size(), std::vector<double>(states_));
   }
@@ -224,6 +232,11 @@ class Refiner {
     }
   }
 
+  /// What is much of a state: of a motion's speed, that it crosses the output's range in a few samples.
+  double unit_of_start(const MachineBlock& block, std::size_t state) const {
+    return block.law == MachineLaw::kMotion && state == 1 ? 1 / fit_.machine.sample_period_s : 1;
+  }
+
   template <typename Put>
   void start_columns(std::size_t r, const Chain& chain, std::size_t first, const Put& put) {
     const MachineRecord& record = data_.records[r];
@@ -232,13 +245,13 @@ class Refiner {
       const std::size_t size = start_size(fit_.machine.blocks[b]);
       for (std::size_t i = 0; i < size; ++i, ++at) {
         double& start = fit_.starts[r][at];
-        const double before = start;
-        start += kRelativeStep;
+        const double before = start, step = kRelativeStep * unit_of_start(fit_.machine.blocks[b], i);
+        start += step;
         std::vector<double> signal = chain[b];
         run_from(fit_, record, r, b, signal);
         start = before;
         spend(record, fit_.machine.blocks.size() - b);
-        put(first + at, signal, kRelativeStep);
+        put(first + at, signal, step);
       }
     }
   }
@@ -247,9 +260,11 @@ class Refiner {
   bool descend(const Normal& normal, double& damping) {
     if (normal.g.size() == 0) return false;  // a machine without states has no start to refine
     const VectorXd diagonal = normal.a.diagonal();
-    const double floor = 1e-12 * std::max(diagonal.maxCoeff(), 1e-300);
+    const Eigen::Map<const VectorXd> units(units_.data(), diagonal.size());
+    const VectorXd of_units = diagonal.cwiseProduct(units.cwiseAbs2());
+    const double floor = 1e-12 * std::max(of_units.maxCoeff(), 1e-300);
     VectorXd scale(diagonal.size());
-    for (Index i = 0; i < scale.size(); ++i) scale[i] = diagonal[i] > floor ? 1 / std::sqrt(diagonal[i]) : 0;
+    for (Index i = 0; i < scale.size(); ++i) scale[i] = of_units[i] > floor ? 1 / std::sqrt(diagonal[i]) : 0;
     const MatrixXd scaled = scale.asDiagonal() * normal.a * scale.asDiagonal();
     const VectorXd gradient = scale.cwiseProduct(normal.g);
     const double variance = fit_.squares / static_cast<double>(std::max<std::size_t>(fit_.rows, 1));
@@ -292,6 +307,7 @@ class Refiner {
   SectionLimits limits_;
   bool shared_;
   std::size_t states_ = 0;
+  std::vector<double> units_;  ///< of the free parameters, then of each record's start
 };
 
 /// How much longer than white a residual's memory makes the variance of a mean: 1 + 2 Σ ρ_k, up to the first ρ below

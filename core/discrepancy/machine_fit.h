@@ -19,12 +19,17 @@ struct FreeParameter {
   std::size_t index = 0;
   bool logarithmic = false;
   double lower = -1e9, upper = 1e9;  ///< in the value itself
+  double unit = 1;                   ///< what is much of it: signals have unit variance, rates the sample period's size
 };
 
 /// Parameter `index` of a block's law, free between its bounds.
 inline FreeParameter law_parameter(std::size_t block, std::size_t index, double lower, double upper,
                                    bool logarithmic = false) {
   return {block, MachineField::kParameter, index, logarithmic, lower, upper};
+}
+/// One that is not near 1 where it is much.
+inline FreeParameter law_parameter_in(double unit, std::size_t block, std::size_t index, double lower, double upper) {
+  return {block, MachineField::kParameter, index, false, lower, upper, unit};
 }
 
 /// A machine with what may move in it, and where it stands in a search.

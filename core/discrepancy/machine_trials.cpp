@@ -109,11 +109,11 @@ SignalLaw rate_limit(const MachineGround& g) {
   return law;
 }
 
-SignalLaw drift() {
+SignalLaw drift(const MachineGround& g) {
   return {"sensor_drift",
           "on the output",
           false,
-          {{{law_block(MachineLaw::kDrift, {0})}, {law_parameter(0, 0, -1e6, 1e6)}}}};
+          {{{law_block(MachineLaw::kDrift, {0})}, {law_parameter_in(1 / g.longest_s, 0, 0, -1e6, 1e6)}}}};
 }
 
 SignalLaw warming(const MachineGround& g) {
@@ -212,7 +212,7 @@ std::vector<SignalLaw> signal_laws(const MachineGround& g) {
   laws.push_back(curve(g, true));
   laws.push_back(curve(g, false));
   if (!g.one_rate) laws.push_back(rate_limit(g));
-  laws.push_back(drift());
+  laws.push_back(drift(g));
   if (g.single_recording && !g.one_rate) {
     laws.push_back(warming(g));
     if (!g.gain_steps.empty()) laws.push_back(gain_step(g));

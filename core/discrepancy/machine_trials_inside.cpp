@@ -167,14 +167,15 @@ MachineFit friction_in_motion(const MachineGround& g, const MotionEquation& equa
                                                        damping, force, 1.2 * force, shows_speed ? 1.0 : 0.0});
   motion.delay_samples = g.dead_samples;
   fit.machine.blocks = {motion, block_of(MachineLaw::kAffine, {1, offset})};
-  fit.free = {law_parameter(0, 0, -1e12, 1e12), law_parameter(0, 1, -1e12, 1e12), law_parameter(0, 4, 1e-9, 1e9, true),
-              law_parameter(0, 5, 1e-9 * std::max(force, 1e-9), 1e12, true),
+  const double unit = std::max(std::abs(equation.gain), force);
+  fit.free = {law_parameter_in(unit, 0, 0, -1e12, 1e12), law_parameter_in(unit, 0, 1, -1e12, 1e12),
+              law_parameter(0, 4, 1e-9, 1e9, true), law_parameter(0, 5, 1e-9 * std::max(force, 1e-9), 1e12, true),
               law_parameter(0, 6, 1e-9 * std::max(force, 1e-9), 1e12, true)};
   if (stiffness > 0) {
     fit.free.push_back(law_parameter(0, 3, 1e-9, 1e12, true));
     fit.free.push_back(law_parameter(1, 1, -1e3, 1e3));
   } else {
-    fit.free.push_back(law_parameter(0, 2, -1e12, 1e12));
+    fit.free.push_back(law_parameter_in(unit, 0, 2, -1e12, 1e12));
   }
   return fit;
 }

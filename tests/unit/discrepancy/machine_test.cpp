@@ -462,6 +462,20 @@ TEST(Machine, CoulombFrictionInsideAMotionIsFound) {
   expect_found(diagnosis_of(recording(u, sticking.run(u, kPeriod_s), kPeriod_s, kNoise, 10)), "friction");
 }
 
+TEST(Machine, TheSameSamplesHaveTheSameCauseInMicrosecondsAndInHours) {
+  const auto u = random_command(kSamples, 25, 9);
+  const auto y = Oscillator{.coulomb = 0.25}.run(u, kPeriod_s);
+  const Discrepancy usual = diagnosis_of(recording(u, y, kPeriod_s, kNoise, 10)).discrepancy;
+  ASSERT_EQ(usual.causes.size(), 1u);
+  EXPECT_EQ(usual.causes.front().cause, "friction");
+  for (const double unit : {1e-4, 1e5}) {
+    const Discrepancy d = diagnosis_of(recording(u, y, unit * kPeriod_s, kNoise, 10)).discrepancy;
+    ASSERT_EQ(d.causes.size(), 1u) << unit;
+    EXPECT_EQ(d.causes.front().cause, "friction") << unit;
+    EXPECT_NEAR(d.gain.rmse_extended, usual.gain.rmse_extended, 0.05 * usual.gain.rmse_extended) << unit;
+  }
+}
+
 TEST(Machine, AOneSidedLimitBetweenTwoLagsIsASaturation) {
   const auto u = random_command(kSamples, 20, 11);
   const auto limited = each(lag(u, 0.1, kPeriod_s), [](double x) { return std::min(x, 0.5); });
