@@ -139,15 +139,33 @@ std::string cause_sentence(const NamedCause& cause, const std::vector<RecordingS
   return parameters.empty() ? text : text + " " + capitalised(parameters) + ".";
 }
 
-/// Nothing beside what good valves leave; where the steps are judged not good all the same, that is no contradiction: a
-/// verdict is against the mean good valve, a cause against all that good valves do.
-std::string nothing_left(const std::optional<std::string>& verdict) {
-  if (!verdict || *verdict == "Good")
-    return "The simulation leaves nothing that a good valve on this stand would not leave.";
+/// Nothing that a cause could be given to; where more than the noise is left all the same, how much, and what that
+/// means.
+std::string nothing_left(const Analysis& analysis) {
+  constexpr double kDownToNoise = 1.5;
+  const std::optional<std::string>& verdict = analysis.classification.verdict;
+  const Simulation& simulation = analysis.simulation;
+  const std::string& unit = analysis.baseline.model.output_unit;
+  const bool is_noise = !(simulation.rmse > kDownToNoise * simulation.noise_floor);
+  const std::string left =
+      fmt::format("{} where the noise is {}", quantity(simulation.rmse, unit), quantity(simulation.noise_floor, unit));
+  if (analysis.baseline.kind == BaselineKind::kSelf) {
+    if (is_noise) return "The recordings' own linear model follows them down to the noise: nothing is left to explain.";
+    return fmt::format(
+        "No known cause makes the recordings' own linear model better. It leaves {}: a disturbance that the input has "
+        "no part in, or something that is not known here.",
+        left);
+  }
+  if (!verdict || *verdict == "Good") {
+    const std::string usual = "The simulation leaves nothing that a good valve on this stand would not leave";
+    return is_noise ? usual + "." : fmt::format("{}: {}, as the good valves of the reference do.", usual, left);
+  }
+  // No contradiction: a verdict is against the mean good valve, a cause against all that good valves do.
   return fmt::format(
-      "No single fault stands out: with every parameter as good valves have it, the simulation follows "
-      "these recordings down to the noise. The verdict {} rests on the steps, which lie too far from those "
-      "of the mean good valve.",
+      "No single fault stands out: with every parameter as good valves have it, the simulation {}. The verdict {} "
+      "rests "
+      "on the steps, which lie too far from those of the mean good valve.",
+      is_noise ? "follows these recordings down to the noise" : "leaves what it leaves of good valves, " + left,
       *verdict);
 }
 
@@ -165,7 +183,8 @@ std::string unexplained_but(const Finding& seen, const Discrepancy& discrepancy)
       seen.what, no_answer(discrepancy));
 }
 
-std::string discrepancy_sentence(const Discrepancy& discrepancy, const std::optional<std::string>& verdict) {
+std::string discrepancy_sentence(const Analysis& analysis) {
+  const Discrepancy& discrepancy = *analysis.discrepancy;
   std::vector<std::string> names;
   bool rivals = false;
   for (const NamedCause& cause : discrepancy.causes) {
@@ -175,7 +194,7 @@ std::string discrepancy_sentence(const Discrepancy& discrepancy, const std::opti
   }
   switch (discrepancy.conclusion) {
     case Conclusion::kNone:
-      return nothing_left(verdict);
+      return nothing_left(analysis);
     case Conclusion::kNamed:
       return fmt::format("The simulation is wrong because it lacks {}.", fmt::join(names, " and "));
     case Conclusion::kAmbiguous:
@@ -351,7 +370,7 @@ Summary summarise(const Analysis& analysis) {
     return summary;
   }
   const Discrepancy& discrepancy = *analysis.discrepancy;
-  summary.discrepancy = discrepancy_sentence(discrepancy, analysis.classification.verdict);
+  summary.discrepancy = discrepancy_sentence(analysis);
   for (const NamedCause& cause : discrepancy.causes)
     summary.causes.push_back(cause_sentence(cause, analysis.recordings));
   summary.fault = fault_sentence(discrepancy);

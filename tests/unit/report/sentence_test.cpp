@@ -46,6 +46,7 @@ TEST(Sentence, OfANamedCauseSaysWhatIsWrongHowSurelyAndHowMuch) {
 
 TEST(Sentence, OfAValveThatIsNotGoodDoesNotSayThatNothingIsWrong) {
   Analysis analysis = with(Conclusion::kNone);
+  analysis.baseline.kind = BaselineKind::kReference;
   const std::string of_a_good_one = "The simulation leaves nothing that a good valve on this stand would not leave.";
   EXPECT_EQ(summarise(analysis).discrepancy, of_a_good_one);
   analysis.classification.verdict = "Good";
@@ -54,6 +55,25 @@ TEST(Sentence, OfAValveThatIsNotGoodDoesNotSayThatNothingIsWrong) {
   const std::string sentence = summarise(analysis).discrepancy;
   EXPECT_TRUE(sentence.starts_with("No single fault stands out: ")) << sentence;
   EXPECT_NE(sentence.find("The verdict Malfunctioned rests on the steps"), std::string::npos) << sentence;
+}
+
+TEST(Sentence, OfWhatNoCauseExplainsSaysHowMuchIsLeftAboveTheNoise) {
+  Analysis analysis = with(Conclusion::kNone);
+  analysis.simulation.noise_floor = 0.31;
+  const auto told = [&](BaselineKind kind, double rmse) {
+    analysis.baseline.kind = kind;
+    analysis.simulation.rmse = rmse;
+    return summarise(analysis).discrepancy;
+  };
+  const std::string above = "1.99 psi where the noise is 0.31 psi";
+  EXPECT_EQ(told(BaselineKind::kSelf, 0.32),
+            "The recordings' own linear model follows them down to the noise: nothing is left to explain.");
+  EXPECT_NE(told(BaselineKind::kSelf, 1.99).find(above), std::string::npos) << told(BaselineKind::kSelf, 1.99);
+  EXPECT_EQ(told(BaselineKind::kReference, 0.32).find(above), std::string::npos);
+  EXPECT_NE(told(BaselineKind::kReference, 1.99).find(above), std::string::npos);
+  analysis.classification.verdict = "Severe";
+  EXPECT_NE(told(BaselineKind::kReference, 0.32).find("down to the noise"), std::string::npos);
+  EXPECT_NE(told(BaselineKind::kReference, 1.99).find(above), std::string::npos);
 }
 
 TEST(Sentence, OfACauseInAGoodValveSaysWhyTheVerdictStands) {
