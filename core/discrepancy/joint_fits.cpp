@@ -277,17 +277,18 @@ const Explanation& closest_of(const JointFits& joint, const Explanation& beside)
   return lowest == joint.fitted.end() || lowest->cost >= beside.cost ? beside : *lowest;
 }
 
-void fit_from_slips(const Survey& survey, const Explanation& beside, JointFits& joint) {
-  const VectorXd place = at_population_mean(beside);
+void fit_what_sticks(const Survey& survey, const Explanation& beside, JointFits& joint) {
   for (const Tested& tested : survey.tested) {
-    if (!makes_stick(tested.fit.law, beside)) continue;
-    const std::vector<JointStart> starts = slip_starts(beside, tested.fit.law, place, closest_of(joint, beside));
-    auto known = std::find(joint.racing.begin(), joint.racing.end(), &tested);
-    if (known == joint.racing.end()) {
-      fit_jointly({&tested}, beside, true, joint);
-      known = std::prev(joint.racing.end());
-    }
-    fit_again(static_cast<std::size_t>(known - joint.racing.begin()), beside, starts, joint);
+    if (makes_stick(tested.fit.law, beside) && !joint.has(tested.cause())) fit_jointly({&tested}, beside, true, joint);
+  }
+}
+
+void fit_from_slips(const Explanation& beside, JointFits& joint) {
+  const VectorXd place = at_population_mean(beside);
+  for (std::size_t i = 0; i < joint.racing.size(); ++i) {
+    const LawInFit& law = joint.racing[i]->fit.law;
+    if (makes_stick(law, beside))
+      fit_again(i, beside, slip_starts(beside, law, place, closest_of(joint, beside)), joint);
   }
 }
 

@@ -45,9 +45,12 @@ void fit_jointly(const std::vector<const Tested*>& entering, const Explanation& 
 /// Laws of memory once more, each in the place of the one that fits best so far: what one of them found out about the
 /// valve under it holds for the others, and the way there is narrow.
 void fit_in_place_of_kin(const Explanation& beside, JointFits& joint);
-/// Laws that make the spool stick, from what its slips show: in free runs a slip more or less hides where they belong,
-/// and what a bent fit forecasts of them is nothing, whatever it promises.
-void fit_from_slips(const Survey& survey, const Explanation& beside, JointFits& joint);
+/// Laws that make the spool stick, where they are not in the race: what a bent fit forecasts of them is nothing,
+/// whatever it promises.
+void fit_what_sticks(const Survey& survey, const Explanation& beside, JointFits& joint);
+/// The same from what the spool's slips show: where they are large, a slip more or less hides in free runs where the
+/// laws belong.
+void fit_from_slips(const Explanation& beside, JointFits& joint);
 
 /// Every law once more from the valve that the best fit so far has found under its law: the way there may be narrow for
 /// the others, and a rival that has not been there is no worse for it.

@@ -783,10 +783,13 @@ Contest hold_contest(const Explanation& beside, const ValveDiagnosisOptions& opt
     const std::string leading(joint.racing.front()->cause());
     fit_jointly(late_entries(leading, contest.survey, joint), beside, bent, joint);
     fit_in_place_of_kin(beside, joint);
-    const double left = joint.lowest < beside.cost ? joint.inflation : inflation;
-    const Explanation& closest = closest_of(joint, beside);
-    if (may_be_memory(closest, beside) || hides_a_fault(left, closest, options)) {
-      fit_from_slips(contest.survey, beside, joint);
+    const auto leaves_a_fault = [&] {
+      const double left = joint.lowest < beside.cost ? joint.inflation : inflation;
+      return hides_a_fault(left, closest_of(joint, beside), options);
+    };
+    if (may_be_memory(closest_of(joint, beside), beside) || leaves_a_fault()) {
+      fit_what_sticks(contest.survey, beside, joint);
+      if (leaves_a_fault()) fit_from_slips(beside, joint);
       fit_in_place_of_kin(beside, joint);
     }
     fit_in_place_of_leader(beside, joint);
