@@ -48,8 +48,8 @@ void fit_in_place_of_kin(const Explanation& beside, JointFits& joint);
 /// Laws that make the spool stick, where they are not in the race: what a bent fit forecasts of them is nothing,
 /// whatever it promises.
 void fit_what_sticks(const Survey& survey, const Explanation& beside, JointFits& joint);
-/// The same from what the spool's slips show: where they are large, a slip more or less hides in free runs where the
-/// laws belong.
+/// Those in the race once more from what the spool's slips show: where they are large, a slip more or less hides in
+/// free runs where the laws belong.
 void fit_from_slips(const Explanation& beside, JointFits& joint);
 
 /// Every law once more from the valve that the best fit so far has found under its law: the way there may be narrow for

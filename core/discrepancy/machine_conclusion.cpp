@@ -490,11 +490,11 @@ std::string rival_of(const MachineSearch& search, const MachineData& data, const
   return (alike == singles.end() ? *next : *alike)->causes[0];
 }
 
-/// Whether what the linear machine leaves of the recordings from end to end, far above the noise, answers the input
-/// though no law says how: a gain or a time constant that moves, a map or a memory of another shape. Wander and drift
-/// that the input has no part in are noise, however slow.
-bool answers_without_a_law(const MachineSearch& search, const MachineRuns& runs, double noise_rms) {
-  constexpr double kLeastShare = 0.15;
+/// Whether what the linear machine leaves of the recordings from end to end, far above the noise, is none: it answers
+/// the input though no law says how (a gain or a time constant that moves, a map or a memory of another shape), or it
+/// comes in bursts. Wander and drift that the input has no part in are noise, however slow.
+bool leaves_structure(const MachineSearch& search, const MachineRuns& runs, double noise_rms) {
+  constexpr double kLeastShare = 0.15, kLeastBursts = 0.1;
   // Coloured noise is up to three times its floor, and loops hide in quantisation.
   constexpr double kFarAboveFloors = 5;
   // Times what chance does. A wander that is slow against the records follows their states for a while, curves hardly.
@@ -507,7 +507,8 @@ bool answers_without_a_law(const MachineSearch& search, const MachineRuns& runs,
   };
   return is_answer(local_answer(runs.data, runs.linear, kManyBlocks), kBlocksOverChance) ||
          is_answer(local_answer(runs.data, runs.linear, kFewBlocks), kBlocksOverChance) ||
-         is_answer(curved_answer(runs.data, runs.linear), kCurvesOverChance);
+         is_answer(curved_answer(runs.data, runs.linear), kCurvesOverChance) ||
+         share_of_bursts(runs.data, runs.linear) > kLeastBursts;
 }
 
 /// A law far closer than the linear machine on the mean, though not on enough blocks to be given as a cause: the linear
@@ -555,8 +556,7 @@ MachineVerdict conclude_with(const MachineScore* best, const MachineSearch& sear
     const bool held_out_structure =
         is_left && (black_box_wins || law_wins || bends_without_a_name(search, data, margin, nullptr) ||
                     is_far_from_a_law(search));
-    decline(verdict,
-            held_out_structure || is_on_its_own || (!feedback && answers_without_a_law(search, runs, noise_rms)));
+    decline(verdict, held_out_structure || is_on_its_own || (!feedback && leaves_structure(search, runs, noise_rms)));
     verdict.candidates = weigh(search, data, best, {}, verdict.conclusion);
     add_untested(search, data, verdict);
     return verdict;

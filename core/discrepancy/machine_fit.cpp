@@ -107,7 +107,7 @@ class Refiner {
     }
     for (std::size_t r = 0; r < data.records.size(); ++r) {
       for (const MachineBlock& block : fit.machine.blocks) {
-        for (std::size_t i = 0; i < start_size(block); ++i) units_.push_back(unit_of_start(block, i));
+        for (std::size_t i = 0; i < start_size(block); ++i) units_.push_back(unit_of(block, i));
       }
     }
     for (auto& start : fit_.starts) start.resize(states_);
@@ -232,9 +232,8 @@ class Refiner {
     }
   }
 
-  /// What is much of a state: of a motion's speed, that it crosses the output's range in a few samples.
-  double unit_of_start(const MachineBlock& block, std::size_t state) const {
-    return block.law == MachineLaw::kMotion && state == 1 ? 1 / fit_.machine.sample_period_s : 1;
+  double unit_of(const MachineBlock& block, std::size_t state) const {
+    return unit_of_start(block, state, fit_.machine.sample_period_s);
   }
 
   template <typename Put>
@@ -245,7 +244,7 @@ class Refiner {
       const std::size_t size = start_size(fit_.machine.blocks[b]);
       for (std::size_t i = 0; i < size; ++i, ++at) {
         double& start = fit_.starts[r][at];
-        const double before = start, step = kRelativeStep * unit_of_start(fit_.machine.blocks[b], i);
+        const double before = start, step = kRelativeStep * unit_of(fit_.machine.blocks[b], i);
         start += step;
         std::vector<double> signal = chain[b];
         run_from(fit_, record, r, b, signal);

@@ -19,7 +19,7 @@ struct FreeParameter {
   std::size_t index = 0;
   bool logarithmic = false;
   double lower = -1e9, upper = 1e9;  ///< in the value itself
-  double unit = 1;                   ///< what is much of it: signals have unit variance, rates the sample period's size
+  double unit = 1;  ///< what is much of it, where it is not logarithmic; of numbers without a time, near 1
 };
 
 /// Parameter `index` of a block's law, free between its bounds.

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "core/discrepancy/machine_chance.h"
+#include "core/identify/coloured_noise.h"
 #include "core/linear_algebra/solve.h"
 
 namespace valvetriage {
@@ -252,6 +253,68 @@ LeftAnswer curved_answer(const MachineData& data, const MachineFit& linear) {
     const double power = moved.squaredNorm();
     return power > 0 ? (basis.transpose() * moved).squaredNorm() / power : 0;
   });
+}
+
+namespace {
+
+/// Columns through the filter that makes white noise of a residual: from row `order` on.
+MatrixXd whitened(const MatrixXd& columns, const std::vector<double>& phi) {
+  const auto order = static_cast<Index>(phi.size());
+  MatrixXd white = columns.bottomRows(columns.rows() - order);
+  for (Index lag = 1; lag <= order; ++lag) {
+    white -= phi[static_cast<std::size_t>(lag - 1)] * columns.middleRows(order - lag, white.rows());
+  }
+  return white;
+}
+
+/// Rows, counted from `order` on, whose own sample and `order` before it are valid.
+std::vector<Index> whole_rows(const MachineRecord& record, std::size_t order) {
+  std::vector<Index> rows;
+  for (std::size_t i = order; i < record.valid.size(); ++i) {
+    if (record.valid[i] - record.valid[i - order] == order) rows.push_back(static_cast<Index>(record.valid[i] - order));
+  }
+  return rows;
+}
+
+}  // namespace
+
+double share_of_bursts(const MachineData& data, const MachineFit& linear) {
+  constexpr std::size_t kLargestOrder = 40;
+  constexpr Index kFewestRows = 200;
+  constexpr double kMedianOfNormal = 0.6745;  // of |z|
+  constexpr double kBurst = 6;                // deviations: of normal noise one sample in five hundred million
+  if (data.records.empty() || linear.machine.blocks.empty()) return 0;
+  std::vector<VectorXd> residuals;
+  std::size_t valid = 0;
+  std::vector<double> all;
+  for (std::size_t r = 0; r < data.records.size(); ++r) {
+    residuals.push_back(residual_of(data, r, run_record(data, r, linear)));
+    all.insert(all.end(), residuals[r].begin(), residuals[r].end());
+    valid += data.records[r].valid.size();
+  }
+  const Eigen::Map<const VectorXd> joined(all.data(), static_cast<Index>(all.size()));
+  const std::vector<double> phi = fit_coloured_noise(joined, valid, kLargestOrder).phi;
+  const std::vector<double> lags = lags_of(data);
+  const std::size_t stride = stride_of(data);
+  std::vector<MatrixXd> innovations, taken_up;
+  for (std::size_t r = 0; r < data.records.size(); ++r) {
+    const MachineRecord& record = data.records[r];
+    if (record.input.size() <= phi.size()) continue;
+    const std::vector<Index> rows = whole_rows(record, phi.size());
+    innovations.push_back(every(whitened(residuals[r], phi)(rows, Eigen::all), stride));
+    taken_up.push_back(every(whitened(linear_of(record, linear, lags), phi)(rows, Eigen::all), stride));
+  }
+  if (innovations.empty()) return 0;
+  const MatrixXd own = orthonormal_basis(stacked(taken_up), kDependent);
+  const VectorXd left = without(own, stacked(innovations));
+  if (left.size() < std::max(kFewestRows, 10 * own.cols())) return 0;
+  std::vector<double> size(left.size());
+  for (Index i = 0; i < left.size(); ++i) size[static_cast<std::size_t>(i)] = std::abs(left[i]);
+  const auto middle = size.begin() + static_cast<std::ptrdiff_t>(size.size() / 2);
+  std::nth_element(size.begin(), middle, size.end());
+  const double usual = *middle / kMedianOfNormal;
+  const double power = left.squaredNorm();
+  return power > 0 ? (left.array().abs() > kBurst * usual).select(left.array().square(), 0).sum() / power : 0;
 }
 
 }  // namespace valvetriage

@@ -28,4 +28,11 @@ LeftAnswer local_answer(const MachineData& data, const MachineFit& linear, std::
 /// the vocabulary may fit it.
 LeftAnswer curved_answer(const MachineData& data, const MachineFit& linear);
 
+/// Share of the power of what a linear machine leaves, foretold as well as its own past and any linear machine can,
+/// that comes in bursts beyond six of its usual deviations. Noise of whatever colour has none; a reading that jumps, a
+/// relay that switches, a slip, a machine that changes has. 0 where there is too little to tell.
+///
+/// Cost    O(rows · (order of the noise + states)²)
+double share_of_bursts(const MachineData& data, const MachineFit& linear);
+
 }  // namespace valvetriage

@@ -238,7 +238,7 @@ Machine linear_blocks(const MachineFit& fit) {
       std::vector<std::complex<double>> poles{std::exp(-period * (damping / 2 + root))};
       if (block.parameters[7] == 0) poles.push_back(std::exp(-period * (damping / 2 - root)));
       MachineBlock motion{.sections = sections_from_poles(poles, SectionLimits(1'000'000))};
-      motion.numerator = {(block.parameters[0] + block.parameters[1]) / std::max(stiffness, 1e-3)};
+      motion.numerator = {(block.parameters[0] + block.parameters[1]) / (stiffness > 0 ? stiffness : 1e-3)};
       motion.delay_samples = block.delay_samples;
       core.blocks.push_back(std::move(motion));
     } else if (!block.numerator.empty()) {

@@ -158,6 +158,8 @@ MachineFit restoring_loop(const LinearMachine& linear, double share, double beta
 
 /// Friction inside a motion. Without a spring the motion integrates: its place is free, a constant force acts instead.
 MachineFit friction_in_motion(const MachineGround& g, const MotionEquation& equation, double offset, bool shows_speed) {
+  constexpr double kSlowest = 1e-6, kFastest = 1e3;       // radians in a record, in a sample
+  constexpr double kLeastForce = 1e-9, kMostForce = 1e9;  // of those that the search begins with
   const double force = std::max(equation.coulomb, 1e-3 * std::abs(equation.gain) * g.input_range());
   const double damping = std::max(equation.damping, 1e-3 / g.longest_s);
   const double stiffness = shows_speed ? 0 : std::max(equation.stiffness, 0.0);
@@ -167,15 +169,17 @@ MachineFit friction_in_motion(const MachineGround& g, const MotionEquation& equa
                                                        damping, force, 1.2 * force, shows_speed ? 1.0 : 0.0});
   motion.delay_samples = g.dead_samples;
   fit.machine.blocks = {motion, block_of(MachineLaw::kAffine, {1, offset})};
-  const double unit = std::max(std::abs(equation.gain), force);
-  fit.free = {law_parameter_in(unit, 0, 0, -1e12, 1e12), law_parameter_in(unit, 0, 1, -1e12, 1e12),
-              law_parameter(0, 4, 1e-9, 1e9, true), law_parameter(0, 5, 1e-9 * std::max(force, 1e-9), 1e12, true),
-              law_parameter(0, 6, 1e-9 * std::max(force, 1e-9), 1e12, true)};
+  // From what no record shows to what no sample does.
+  const double slowest = kSlowest / g.longest_s, fastest = kFastest / fit.machine.sample_period_s;
+  const double unit = std::max(std::abs(equation.gain), force), most = kMostForce * unit;
+  fit.free = {law_parameter_in(unit, 0, 0, -most, most), law_parameter_in(unit, 0, 1, -most, most),
+              law_parameter(0, 4, slowest, fastest, true), law_parameter(0, 5, kLeastForce * force, most, true),
+              law_parameter(0, 6, kLeastForce * force, most, true)};
   if (stiffness > 0) {
-    fit.free.push_back(law_parameter(0, 3, 1e-9, 1e12, true));
+    fit.free.push_back(law_parameter(0, 3, slowest * slowest, fastest * fastest, true));
     fit.free.push_back(law_parameter(1, 1, -1e3, 1e3));
   } else {
-    fit.free.push_back(law_parameter_in(unit, 0, 2, -1e12, 1e12));
+    fit.free.push_back(law_parameter_in(unit, 0, 2, -most, most));
   }
   return fit;
 }

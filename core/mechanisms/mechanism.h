@@ -20,10 +20,8 @@ namespace valvetriage {
 /// kPosition  behind the spool's dynamics, before the static map; input units
 /// kSteady    behind the static map: the output that would be steady
 /// kPhysics   inside the valve's own blocks: the law changes their parameters (`reshape`)
-/// kOutput    behind the volume: what the gauge makes of it
-/// kReading   added to the reading, behind every law at kOutput whatever their order: what nothing between the valve
-/// and
-///            the log delays or limits
+/// kOutput    behind the volume: the pressure and what the gauge makes of it
+/// kReading   added to the reading, behind every law at kOutput whatever their order: nothing delays or limits it
 ///
 /// In a linear model, which has no map and no volume, x = G (u − input_offset) / G(0) + input_offset is the position,
 /// and kSteady acts where kOutput does, before it.

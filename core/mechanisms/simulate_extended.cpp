@@ -261,11 +261,14 @@ Result<Model> with_reshaped_blocks(const Model& model) {
 }
 
 Model with_channels_at(const std::function<double(std::string_view)>& value_of, Model model) {
-  for (MechanismUse& use : model.mechanisms) {
-    if (use.cause != "side_input") continue;
-    const double offset = use.parameters[0] * (value_of(use.channel) - use.parameters[1]);
-    use = {.cause = "sensor_offset", .parameters = {offset}};
-  }
+  double offset = 0;
+  std::erase_if(model.mechanisms, [&](const MechanismUse& use) {
+    if (use.cause != "side_input") return false;
+    offset += use.parameters[0] * (value_of(use.channel) - use.parameters[1]);
+    return true;
+  });
+  // Behind every other law, as what it stands for.
+  if (offset != 0) model.mechanisms.push_back({.cause = "sensor_offset", .parameters = {offset}, .channel = ""});
   return model;
 }
 

@@ -342,6 +342,13 @@ std::size_t start_size(const Machine& machine) {
   return size;
 }
 
+double unit_of_start(const MachineBlock& block, std::size_t state, double sample_period_s) {
+  if (block.law != MachineLaw::kMotion) return 1;
+  const bool shows_speed = block.parameters[7] != 0;
+  if (state == 0) return shows_speed ? sample_period_s : 1;
+  return shows_speed ? 1 : 1 / sample_period_s;
+}
+
 void run_block(const MachineBlock& block, double period_s, const MachineSurroundings& around, In start, In in,
                Out out) {
   if (in.empty()) return;
@@ -440,8 +447,13 @@ std::vector<double> start_towards(const Machine& machine, const MachineSurroundi
   constexpr int kIterations = 8;
   const std::size_t states = start_size(machine);
   const std::size_t samples = std::min(measured.size(), input.size());
-  std::vector<double> start(states);
+  std::vector<double> start(states), units;
   if (states == 0 || samples == 0) return start;
+  for (const MachineBlock& block : machine.blocks) {
+    for (std::size_t i = 0; i < start_size(block); ++i) {
+      units.push_back(unit_of_start(block, i, machine.sample_period_s));
+    }
+  }
   const auto gap_of = [&](In from) {
     Eigen::VectorXd gap(static_cast<Index>(samples));
     const auto y = run_machine(machine, around, from, input.first(samples));
@@ -454,10 +466,10 @@ std::vector<double> start_towards(const Machine& machine, const MachineSurroundi
   for (int iteration = 0; iteration < kIterations; ++iteration) {
     Eigen::MatrixXd columns(static_cast<Index>(samples), static_cast<Index>(states));
     for (std::size_t j = 0; j < states; ++j) {
-      constexpr double kProbe = 1e-5;
+      const double probe = 1e-5 * units[j];
       std::vector<double> moved = start;
-      moved[j] += kProbe;
-      columns.col(static_cast<Index>(j)) = (gap - gap_of(moved)) / kProbe;
+      moved[j] += probe;
+      columns.col(static_cast<Index>(j)) = (gap - gap_of(moved)) / probe;
     }
     if (!columns.allFinite() || !gap.allFinite()) return start;
     const Eigen::VectorXd move = scaled_least_squares(columns, gap);

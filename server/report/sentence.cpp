@@ -139,33 +139,45 @@ std::string cause_sentence(const NamedCause& cause, const std::vector<RecordingS
   return parameters.empty() ? text : text + " " + capitalised(parameters) + ".";
 }
 
-/// Nothing that a cause could be given to; where more than the noise is left all the same, how much, and what that
-/// means.
-std::string nothing_left(const Analysis& analysis) {
-  constexpr double kDownToNoise = 1.5;
-  const std::optional<std::string>& verdict = analysis.classification.verdict;
-  const Simulation& simulation = analysis.simulation;
-  const std::string& unit = analysis.baseline.model.output_unit;
-  const bool is_noise = !(simulation.rmse > kDownToNoise * simulation.noise_floor);
-  const std::string left =
-      fmt::format("{} where the noise is {}", quantity(simulation.rmse, unit), quantity(simulation.noise_floor, unit));
-  if (analysis.baseline.kind == BaselineKind::kSelf) {
-    if (is_noise) return "The recordings' own linear model follows them down to the noise: nothing is left to explain.";
+/// What is left is told as noise up to this many times the noise floor, which is that of white noise.
+constexpr double kDownToNoise = 1.5;
+
+/// "1.99 psi where the noise is 0.31 psi"; empty where that is the noise, or not known.
+std::string above_noise(double rmse, double noise, const std::string& unit) {
+  if (!(rmse > kDownToNoise * noise)) return {};
+  return fmt::format("{} where the noise is {}", quantity(rmse, unit), quantity(noise, unit));
+}
+
+/// No known cause, of recordings without good valves to compare them with.
+std::string nothing_found(const Analysis& analysis) {
+  const DiscrepancyGain& gain = analysis.discrepancy->gain;
+  const std::string left = above_noise(gain.rmse_baseline, gain.noise_floor, analysis.baseline.model.output_unit);
+  if (!left.empty()) {
     return fmt::format(
-        "No known cause makes the recordings' own linear model better. It leaves {}: a disturbance that the input has "
-        "no part in, or something that is not known here.",
+        "No known cause was found that makes a linear model of these recordings better. It leaves {}; what that is, "
+        "the recordings do not tell.",
         left);
   }
+  if (!std::isfinite(gain.rmse_baseline) || !std::isfinite(gain.noise_floor)) return "No known cause was found.";
+  return "A linear model of these recordings follows them down to the noise: nothing is left to explain.";
+}
+
+/// Nothing beside what good valves leave. Where the steps are judged not good all the same, that is no contradiction: a
+/// verdict is against the mean good valve, a cause against all that good valves do.
+std::string nothing_left(const Analysis& analysis) {
+  if (analysis.baseline.kind != BaselineKind::kReference) return nothing_found(analysis);
+  const std::optional<std::string>& verdict = analysis.classification.verdict;
+  const Simulation& simulation = analysis.simulation;
+  const std::string left = above_noise(simulation.rmse, simulation.noise_floor, analysis.baseline.model.output_unit);
   if (!verdict || *verdict == "Good") {
-    const std::string usual = "The simulation leaves nothing that a good valve on this stand would not leave";
-    return is_noise ? usual + "." : fmt::format("{}: {}, as the good valves of the reference do.", usual, left);
+    return fmt::format("The simulation leaves nothing that a good valve on this stand would not leave{}{}.",
+                       left.empty() ? "" : ": ", left);
   }
-  // No contradiction: a verdict is against the mean good valve, a cause against all that good valves do.
   return fmt::format(
       "No single fault stands out: with every parameter as good valves have it, the simulation {}. The verdict {} "
       "rests "
       "on the steps, which lie too far from those of the mean good valve.",
-      is_noise ? "follows these recordings down to the noise" : "leaves what it leaves of good valves, " + left,
+      left.empty() ? "follows these recordings down to the noise" : "leaves no more than of good valves, " + left,
       *verdict);
 }
 

@@ -556,6 +556,15 @@ TEST(Machine, AGainThatSwingsIsStructureAndAReadingThatWandersIsNot) {
   EXPECT_EQ(diagnosis_of(wandering).discrepancy.conclusion, Conclusion::kNone);
 }
 
+TEST(Machine, AReadingThatJumpsOnItsOwnLeavesMoreThanNoise) {
+  const auto u = random_command(2500, 25, 91);
+  Noise jump(92);
+  Signal level(u.size());
+  for (std::size_t t = 1; t < u.size(); ++t) level[t] = t % 137 == 0 ? 0.3 * jump.normal() : level[t - 1];
+  const auto jumping = recording(u, plus(lag(u, 0.2, kPeriod_s), level), kPeriod_s, kNoise, 93);
+  EXPECT_EQ(diagnosis_of(jumping).discrepancy.conclusion, Conclusion::kUnexplained);
+}
+
 TEST(Machine, ADampingThatGrowsWithTheSpeedIsNoCertainHysteresis) {
   const auto u = random_command(2000, 40, 89);
   const Oscillator damped{

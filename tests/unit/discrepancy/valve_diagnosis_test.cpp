@@ -950,7 +950,9 @@ TEST(ValveDiagnosis, AChannelsOwnNoiseIsNoLagOfTheReading) {
   }
   const Discrepancy found = diagnosed(spoiled, Population(healthy, valve)).discrepancy;
   ASSERT_EQ(found.causes.size(), 1u);
+  EXPECT_EQ(found.conclusion, Conclusion::kNamed);
   EXPECT_EQ(found.causes.front().cause, "side_input");
+  EXPECT_NEAR(found.causes.front().parameters.front().second.value, 2, 0.1);
 }
 
 TEST(ValveDiagnosis, ASizeThatIsExcludedWouldHaveBeenFound) {

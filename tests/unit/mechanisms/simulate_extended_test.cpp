@@ -121,6 +121,8 @@ TEST(SimulateExtended, ASideInputIsNotDelayedByALagThatIsListedBehindIt) {
 TEST(WithChannelsAt, IsTheModelInARecordingWhoseChannelStaysThere) {
   Model model = with(valve(), "side_input", {2, 20, 0}, "temperature_C");
   model.mechanisms.push_back({.cause = "leakage", .parameters = {0.1}, .channel = ""});
+  model.mechanisms.push_back({.cause = "rectified_sensor", .parameters = {}, .channel = ""});
+  model.mechanisms.push_back({.cause = "intermittent", .parameters = {1, -0.2, 0}, .channel = ""});
   Recording recording = motion();
   for (Channel& channel : recording.side) std::fill(channel.values.begin(), channel.values.end(), 23.5);
   const auto recorded = simulate_extended(model, recording, {});
