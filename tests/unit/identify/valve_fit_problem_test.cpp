@@ -23,6 +23,17 @@ ValveFitOptions options_at_105_psi(const std::vector<Recording>& recordings) {
   return options;
 }
 
+/// Recordings of a valve beside which a side channel moves.
+std::vector<Recording> session_of(const test::MadeValve& valve) {
+  std::vector<Recording> recordings = test::session(valve, 0.35, 11);
+  for (Recording& recording : recordings) {
+    Channel side{.name = "temperature_C", .unit = "C", .values = {}};
+    for (std::size_t i = 0; i < recording.samples(); ++i) side.values.push_back(std::sin(0.7 * static_cast<double>(i)));
+    recording.side.push_back(std::move(side));
+  }
+  return recordings;
+}
+
 /// A law of every place in the chain, large enough to be seen, in a valve with its dynamics ahead of its map or behind.
 struct PutIn {
   const char* cause;
@@ -48,7 +59,7 @@ class ValveFitProblemWith : public testing::TestWithParam<std::tuple<PutIn, Orde
 
 TEST_P(ValveFitProblemWith, RunsFromItsLastLawOnAsFromTheStart) {
   const test::MadeValve valve = this->valve();
-  const auto recordings = test::session(valve, 0.35, 11);
+  const auto recordings = session_of(valve);
   ValveFitOptions options = options_at_105_psi(recordings);
   options.usual = valve.usual;
   const auto& [cause, parameters] = put_in();
@@ -79,7 +90,7 @@ TEST_P(ValveFitProblemWith, RunsFromItsLastLawOnAsFromTheStart) {
 
 TEST_P(ValveFitProblemWith, IsAsAModelTheSameSimulation) {
   const test::MadeValve valve = this->valve();
-  const auto recordings = test::session(valve, 0.35, 11);
+  const auto recordings = session_of(valve);
   ValveFitOptions options = options_at_105_psi(recordings);
   options.usual = valve.usual;
   options.usual.gauge_lag_s = 0.004;
@@ -109,18 +120,14 @@ INSTANTIATE_TEST_SUITE_P(
                                      PutIn{"dead_band", {1.5, 0.05}}, PutIn{"static_curve", {0.1}},
                                      PutIn{"saturation", {150, -1000, 0}}, PutIn{"saturation", {150, -1000, 1}},
                                      PutIn{"leakage", {0.2}}, PutIn{"asymmetric_response", {1.5}},
-                                     PutIn{"sensor_drift", {0.1}}, PutIn{"thermal_drift", {-0.05, 5, 0}}),
+                                     PutIn{"sensor_drift", {0.1}}, PutIn{"thermal_drift", {-0.05, 5, 0}},
+                                     PutIn{"side_input", {2, 0.5, 0}}),
                      testing::Values(Order::kSpoolThenMap, Order::kMapThenMode)),
     [](const auto& put_in) { return std::string(std::get<PutIn>(put_in.param).cause) + std::to_string(put_in.index); });
 
 TEST(ValveFitProblem, ALagThatIsFoundAfterASideInputDelaysTheValveAlone) {
   const test::MadeValve valve;
-  auto recordings = test::session(valve, 0.35, 11);
-  for (Recording& recording : recordings) {
-    Channel side{.name = "temperature_C", .unit = "C", .values = {}};
-    for (std::size_t i = 0; i < recording.samples(); ++i) side.values.push_back(std::sin(0.7 * static_cast<double>(i)));
-    recording.side.push_back(std::move(side));
-  }
+  const auto recordings = session_of(valve);
   const auto with_laws = [&](std::initializer_list<PutIn> laws) {
     ValveFitOptions options = options_at_105_psi(recordings);
     for (const auto& [cause, parameters] : laws) {

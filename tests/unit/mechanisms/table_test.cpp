@@ -136,6 +136,7 @@ TEST(MechanismTable, EveryEntryIsWhole) {
     }
     EXPECT_EQ(law->place == Place::kPhysics, law->apply == nullptr);
     EXPECT_TRUE(law->place != Place::kPhysics || law->reshape != nullptr);
+    EXPECT_TRUE(law->place != Place::kReading || law->tangent == nullptr) << "only what is added stands there";
     EXPECT_LE(law->size_parameter, law->parameters.size());
     ASSERT_NE(law->bounds, nullptr);
   }
