@@ -107,7 +107,9 @@ class Refiner {
     }
     for (std::size_t r = 0; r < data.records.size(); ++r) {
       for (const MachineBlock& block : fit.machine.blocks) {
-        for (std::size_t i = 0; i < start_size(block); ++i) units_.push_back(unit_of(block, i));
+        for (std::size_t i = 0; i < start_size(block); ++i) {
+          units_.push_back(unit_of_start(block, i, fit.machine.sample_period_s));
+        }
       }
     }
     for (auto& start : fit_.starts) start.resize(states_);
@@ -232,10 +234,6 @@ class Refiner {
     }
   }
 
-  double unit_of(const MachineBlock& block, std::size_t state) const {
-    return unit_of_start(block, state, fit_.machine.sample_period_s);
-  }
-
   template <typename Put>
   void start_columns(std::size_t r, const Chain& chain, std::size_t first, const Put& put) {
     const MachineRecord& record = data_.records[r];
@@ -244,7 +242,7 @@ class Refiner {
       const std::size_t size = start_size(fit_.machine.blocks[b]);
       for (std::size_t i = 0; i < size; ++i, ++at) {
         double& start = fit_.starts[r][at];
-        const double before = start, step = kRelativeStep * unit_of(fit_.machine.blocks[b], i);
+        const double before = start, step = kRelativeStep * units_[first + at];
         start += step;
         std::vector<double> signal = chain[b];
         run_from(fit_, record, r, b, signal);

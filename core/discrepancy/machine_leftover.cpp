@@ -284,16 +284,13 @@ double share_of_bursts(const MachineData& data, const MachineFit& linear) {
   constexpr double kMedianOfNormal = 0.6745;  // of |z|
   constexpr double kBurst = 6;                // deviations: of normal noise one sample in five hundred million
   if (data.records.empty() || linear.machine.blocks.empty()) return 0;
-  std::vector<VectorXd> residuals;
+  std::vector<MatrixXd> residuals;
   std::size_t valid = 0;
-  std::vector<double> all;
   for (std::size_t r = 0; r < data.records.size(); ++r) {
     residuals.push_back(residual_of(data, r, run_record(data, r, linear)));
-    all.insert(all.end(), residuals[r].begin(), residuals[r].end());
     valid += data.records[r].valid.size();
   }
-  const Eigen::Map<const VectorXd> joined(all.data(), static_cast<Index>(all.size()));
-  const std::vector<double> phi = fit_coloured_noise(joined, valid, kLargestOrder).phi;
+  const std::vector<double> phi = fit_coloured_noise(stacked(residuals), valid, kLargestOrder).phi;
   const std::vector<double> lags = lags_of(data);
   const std::size_t stride = stride_of(data);
   std::vector<MatrixXd> innovations, taken_up;

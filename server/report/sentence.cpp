@@ -175,8 +175,7 @@ std::string nothing_left(const Analysis& analysis) {
   }
   return fmt::format(
       "No single fault stands out: with every parameter as good valves have it, the simulation {}. The verdict {} "
-      "rests "
-      "on the steps, which lie too far from those of the mean good valve.",
+      "rests on the steps, which lie too far from those of the mean good valve.",
       left.empty() ? "follows these recordings down to the noise" : "leaves no more than of good valves, " + left,
       *verdict);
 }
