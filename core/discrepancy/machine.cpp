@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <numbers>
 #include <optional>
@@ -112,6 +113,26 @@ MachineData searched_data(std::span<const Recording> recordings, double allowed_
   return linear_error(moving) > kCloserBetween * linear_error(held) ? held : moving;
 }
 
+/// The side channels that move: one that stands still is no more than an offset.
+std::vector<SideOfMachine> sides_of(const MachineData& data) {
+  constexpr double kStill = 1e-9;  // of its mean: digits of a number that was written
+  std::vector<SideOfMachine> sides;
+  const std::vector<Channel>& channels = data.records.front().side;
+  for (std::size_t c = 0; c < channels.size(); ++c) {
+    std::vector<double> values;
+    for (const MachineRecord& record : data.records) {
+      if (c >= record.side.size()) continue;
+      std::copy_if(record.side[c].values.begin(), record.side[c].values.end(), std::back_inserter(values),
+                   [](double value) { return std::isfinite(value); });
+    }
+    if (values.empty()) continue;
+    const Eigen::Map<const Eigen::ArrayXd> all(values.data(), static_cast<Eigen::Index>(values.size()));
+    const double mean = all.mean(), spread = std::sqrt((all - mean).square().mean());
+    if (spread > kStill * std::abs(mean)) sides.push_back({channels[c].name, mean, spread});
+  }
+  return sides;
+}
+
 MachineGround ground_of(std::span<const Recording> recordings, const MachineData& data, const LoopSigns& loop) {
   MachineGround ground;
   ground.least_delay = loop.integrating_controller ? 1 : 0;
@@ -133,7 +154,7 @@ MachineGround ground_of(std::span<const Recording> recordings, const MachineData
   ground.output_zero = -data.output_mean / data.output_scale;
   ground.single_recording = recordings.size() == 1;
   ground.one_rate = is_one_rate(recordings);
-  for (const Channel& channel : recordings.front().side) ground.channels.push_back(channel.name);
+  ground.sides = sides_of(data);
   return ground;
 }
 

@@ -376,7 +376,7 @@ Candidate untried(const std::string& cause, const MachineGround& ground) {
     return as(kNotIdentifiable, "the linear machine has lags and modes of its own and absorbs it");
   if (is_one_of({"leakage", "self_oscillation"}))
     return as(kNotIdentifiable, "only a reference of good valves tells it");
-  if (cause == "side_input" && ground.channels.empty()) return as(kNotExcited, "no side channel was recorded");
+  if (cause == "side_input" && ground.sides.empty()) return as(kNotExcited, "no side channel that moves was recorded");
   if (ground.one_rate) return as(kNotIdentifiable, "at one rate it looks like a lag or a memory");
   if (cause == "rectified_sensor") return as(kNotExcited, "the readings are not folded at a level");
   if (is_one_of({"intermittent", "thermal_drift", "periodic_disturbance"}) && !ground.single_recording)

@@ -105,12 +105,9 @@ class Refiner {
     for (const FreeParameter& p : fit.free) {
       if (shared) units_.push_back(p.logarithmic ? 1 : p.unit);
     }
+    const std::vector<double> of_start = units_of_start(fit.machine);
     for (std::size_t r = 0; r < data.records.size(); ++r) {
-      for (const MachineBlock& block : fit.machine.blocks) {
-        for (std::size_t i = 0; i < start_size(block); ++i) {
-          units_.push_back(unit_of_start(block, i, fit.machine.sample_period_s));
-        }
-      }
+      units_.insert(units_.end(), of_start.begin(), of_start.end());
     }
     for (auto& start : fit_.starts) start.resize(states_);
     fit_.starts.resize(data.records.size(), std::vector<double>(states_));

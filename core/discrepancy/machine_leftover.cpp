@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <boost/math/statistics/univariate_statistics.hpp>
 #include <cmath>
 
 #include "core/discrepancy/machine_chance.h"
@@ -206,6 +207,25 @@ MatrixXd lines_over(Index rows) {
   return orthonormal_basis(line, kDependent);
 }
 
+/// Columns through the filter that makes white noise of a residual: from row `order` on.
+MatrixXd whitened(const MatrixXd& columns, const std::vector<double>& phi) {
+  const auto order = static_cast<Index>(phi.size());
+  MatrixXd white = columns.bottomRows(columns.rows() - order);
+  for (Index lag = 1; lag <= order; ++lag) {
+    white -= phi[static_cast<std::size_t>(lag - 1)] * columns.middleRows(order - lag, white.rows());
+  }
+  return white;
+}
+
+/// Rows, counted from `order` on, whose own sample and `order` before it are valid.
+std::vector<Index> whole_rows(const MachineRecord& record, std::size_t order) {
+  std::vector<Index> rows;
+  for (std::size_t i = order; i < record.valid.size(); ++i) {
+    if (record.valid[i] - record.valid[i - order] == order) rows.push_back(static_cast<Index>(record.valid[i] - order));
+  }
+  return rows;
+}
+
 }  // namespace
 
 LeftAnswer local_answer(const MachineData& data, const MachineFit& linear, std::size_t over_all) {
@@ -255,29 +275,6 @@ LeftAnswer curved_answer(const MachineData& data, const MachineFit& linear) {
   });
 }
 
-namespace {
-
-/// Columns through the filter that makes white noise of a residual: from row `order` on.
-MatrixXd whitened(const MatrixXd& columns, const std::vector<double>& phi) {
-  const auto order = static_cast<Index>(phi.size());
-  MatrixXd white = columns.bottomRows(columns.rows() - order);
-  for (Index lag = 1; lag <= order; ++lag) {
-    white -= phi[static_cast<std::size_t>(lag - 1)] * columns.middleRows(order - lag, white.rows());
-  }
-  return white;
-}
-
-/// Rows, counted from `order` on, whose own sample and `order` before it are valid.
-std::vector<Index> whole_rows(const MachineRecord& record, std::size_t order) {
-  std::vector<Index> rows;
-  for (std::size_t i = order; i < record.valid.size(); ++i) {
-    if (record.valid[i] - record.valid[i - order] == order) rows.push_back(static_cast<Index>(record.valid[i] - order));
-  }
-  return rows;
-}
-
-}  // namespace
-
 double share_of_bursts(const MachineData& data, const MachineFit& linear) {
   constexpr std::size_t kLargestOrder = 40;
   constexpr Index kFewestRows = 200;
@@ -305,11 +302,8 @@ double share_of_bursts(const MachineData& data, const MachineFit& linear) {
   const MatrixXd own = orthonormal_basis(stacked(taken_up), kDependent);
   const VectorXd left = without(own, stacked(innovations));
   if (left.size() < std::max(kFewestRows, 10 * own.cols())) return 0;
-  std::vector<double> size(left.size());
-  for (Index i = 0; i < left.size(); ++i) size[static_cast<std::size_t>(i)] = std::abs(left[i]);
-  const auto middle = size.begin() + static_cast<std::ptrdiff_t>(size.size() / 2);
-  std::nth_element(size.begin(), middle, size.end());
-  const double usual = *middle / kMedianOfNormal;
+  VectorXd size = left.cwiseAbs();
+  const double usual = boost::math::statistics::median(size) / kMedianOfNormal;
   const double power = left.squaredNorm();
   return power > 0 ? (left.array().abs() > kBurst * usual).select(left.array().square(), 0).sum() / power : 0;
 }

@@ -146,11 +146,14 @@ SignalLaw tone(const MachineGround& g) {
 }
 
 SignalLaw side_input(const MachineGround& g) {
+  constexpr double kMostOfASide = 1e3;  // of the output's deviation, for one of the channel's
   SignalLaw law{"side_input", "on the output", false, {}};
-  for (const std::string& channel : g.channels) {
-    MachineBlock block = law_block(MachineLaw::kSide, {0, 0});
-    block.channel = channel;
-    law.starts.push_back({{block}, {law_parameter(0, 0, -1e6, 1e6)}});
+  for (const SideOfMachine& side : g.sides) {
+    MachineBlock block = law_block(MachineLaw::kSide, {0, side.mean});
+    block.channel = side.name;
+    // As much as makes a part of the output of what the channel moves by.
+    const double unit = 1 / side.spread;
+    law.starts.push_back({{block}, {law_parameter_in(unit, 0, 0, -kMostOfASide * unit, kMostOfASide * unit)}});
   }
   return law;
 }
@@ -218,7 +221,7 @@ std::vector<SignalLaw> signal_laws(const MachineGround& g) {
     if (!g.gain_steps.empty()) laws.push_back(gain_step(g));
     if (!g.tones_hz.empty()) laws.push_back(tone(g));
   }
-  if (!g.channels.empty()) laws.push_back(side_input(g));
+  if (!g.sides.empty()) laws.push_back(side_input(g));
   return laws;
 }
 

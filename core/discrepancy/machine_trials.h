@@ -20,6 +20,13 @@ struct GainStep {
   double time_s = 0, change = 0;  ///< from the recording's start; of the gain, relative
 };
 
+/// A side channel, in its own unit.
+struct SideOfMachine {
+  std::string name;
+  double mean = 0;
+  double spread = 0;  ///< standard deviation over all recordings, > 0
+};
+
 /// What laws are started from: the linear machines and the ranges of the signals, all in scaled units.
 struct MachineGround {
   std::vector<LinearMachine> linear;  ///< ascending in order
@@ -31,9 +38,9 @@ struct MachineGround {
   double input_low = 0, input_high = 0, output_low = 0, output_high = 0;
   double input_zero = 0, output_zero = 0;  ///< zero of the recordings' own units
   double steepest_input_per_s = 0;
-  std::vector<double> tones_hz;       ///< off the input's lines, strongest in the residual first
-  std::vector<GainStep> gain_steps;   ///< of the output over the linear machine, most first
-  std::vector<std::string> channels;  ///< side channels
+  std::vector<double> tones_hz;      ///< off the input's lines, strongest in the residual first
+  std::vector<GainStep> gain_steps;  ///< of the output over the linear machine, most first
+  std::vector<SideOfMachine> sides;  ///< those that move
   bool single_recording = true;
   bool one_rate = false;  ///< a sweep at one rate: dynamics cannot be told from memory, the core is static
   double longest_s = 0;

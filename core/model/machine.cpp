@@ -313,6 +313,13 @@ void run_side(const MachineBlock& block, const MachineSurroundings& around, In i
   }
 }
 
+double unit_of_start(const MachineBlock& block, std::size_t state, double sample_period_s) {
+  if (block.law != MachineLaw::kMotion) return 1;
+  const bool shows_speed = block.parameters[7] != 0;
+  if (state == 0) return shows_speed ? sample_period_s : 1;
+  return shows_speed ? 1 : 1 / sample_period_s;
+}
+
 }  // namespace
 
 std::size_t start_size(const MachineBlock& block) {
@@ -342,11 +349,14 @@ std::size_t start_size(const Machine& machine) {
   return size;
 }
 
-double unit_of_start(const MachineBlock& block, std::size_t state, double sample_period_s) {
-  if (block.law != MachineLaw::kMotion) return 1;
-  const bool shows_speed = block.parameters[7] != 0;
-  if (state == 0) return shows_speed ? sample_period_s : 1;
-  return shows_speed ? 1 : 1 / sample_period_s;
+std::vector<double> units_of_start(const Machine& machine) {
+  std::vector<double> units;
+  for (const MachineBlock& block : machine.blocks) {
+    for (std::size_t state = 0; state < start_size(block); ++state) {
+      units.push_back(unit_of_start(block, state, machine.sample_period_s));
+    }
+  }
+  return units;
 }
 
 void run_block(const MachineBlock& block, double period_s, const MachineSurroundings& around, In start, In in,
@@ -447,13 +457,9 @@ std::vector<double> start_towards(const Machine& machine, const MachineSurroundi
   constexpr int kIterations = 8;
   const std::size_t states = start_size(machine);
   const std::size_t samples = std::min(measured.size(), input.size());
-  std::vector<double> start(states), units;
+  std::vector<double> start(states);
   if (states == 0 || samples == 0) return start;
-  for (const MachineBlock& block : machine.blocks) {
-    for (std::size_t i = 0; i < start_size(block); ++i) {
-      units.push_back(unit_of_start(block, i, machine.sample_period_s));
-    }
-  }
+  const std::vector<double> units = units_of_start(machine);
   const auto gap_of = [&](In from) {
     Eigen::VectorXd gap(static_cast<Index>(samples));
     const auto y = run_machine(machine, around, from, input.first(samples));

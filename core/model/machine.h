@@ -106,9 +106,9 @@ struct MachineSurroundings {
 /// Numbers that say how a run starts off steady state: deviations of states, and the memory of laws that have one.
 std::size_t start_size(const MachineBlock& block);
 std::size_t start_size(const Machine& machine);
-/// What is much of a state at the start, where the output varies by about 1: of a motion's speed that it goes as far in
+/// What is much of each of them, where the output varies by about 1: 1, and of a motion's speed that it goes as far in
 /// a sample, of its place where only the speed is shown what that comes to.
-double unit_of_start(const MachineBlock& block, std::size_t state, double sample_period_s);
+std::vector<double> units_of_start(const Machine& machine);
 
 /// One block over a signal, from the steady state at its first value moved by `start` (empty: not moved).
 /// out may be `in`. A run that leaves |10⁹| ends in NaN.

@@ -476,6 +476,31 @@ TEST(Machine, TheSameSamplesHaveTheSameCauseInMicrosecondsAndInHours) {
   }
 }
 
+TEST(Machine, WhatASideChannelAddsIsFoundInWhateverUnitTheChannelIs) {
+  const auto u = random_command(kSamples, 20, 31);
+  const Signal room = coloured(kSamples, 100, 32);
+  Recording recorded =
+      recording(u, plus(lag(lag(u, 0.1, kPeriod_s), 0.03, kPeriod_s), room, 0.3), kPeriod_s, kNoise, 33);
+  struct ChannelUnit {
+    double mean = 0, deviation = 0;
+  };
+  for (const ChannelUnit unit : {ChannelUnit{24, 2}, {101325, 300}, {0, 1e-9}}) {
+    recorded.side = {
+        Channel{.name = "room", .values = each(room, [&](double x) { return unit.mean + unit.deviation * x; })}};
+    const Discrepancy d = diagnosis_of(recorded).discrepancy;
+    ASSERT_EQ(d.causes.size(), 1u) << unit.deviation;
+    EXPECT_EQ(d.causes[0].cause, "side_input") << unit.deviation;
+    EXPECT_NEAR(parameter(d.causes[0], "coefficient") * unit.deviation, 0.3, 0.01);
+    EXPECT_LT(d.gain.rmse_extended, 1.5 * kNoise) << unit.deviation;
+  }
+  // One that stands still is not known from an offset.
+  recorded.side = {Channel{.name = "room", .values = Signal(kSamples, 24)}};
+  for (const Candidate& candidate : diagnosis_of(recorded).discrepancy.candidates) {
+    if (candidate.cause != "side_input") continue;
+    EXPECT_EQ(candidate.reason, "no side channel that moves was recorded");
+  }
+}
+
 TEST(Machine, AOneSidedLimitBetweenTwoLagsIsASaturation) {
   const auto u = random_command(kSamples, 20, 11);
   const auto limited = each(lag(u, 0.1, kPeriod_s), [](double x) { return std::min(x, 0.5); });
