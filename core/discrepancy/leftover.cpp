@@ -1,5 +1,7 @@
 #include "core/discrepancy/leftover.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -279,6 +281,20 @@ double noise_cost(const Explanation& explanation) {
     cost += static_cast<double>(left.valid_samples()) * std::min(variance, 1.0);
   }
   return std::min(cost, explanation.cost);
+}
+
+std::optional<Finding> far_above_noise(const Explanation& explanation, double samples,
+                                       const ValveDiagnosisOptions& options) {
+  const double above = explanation.cost / noise_cost(explanation);
+  const std::optional<GoodValves> good = good_valves(kAboveNoise, options);
+  if (!good || !(above > 1 + kMostSlowNoise)) return std::nullopt;
+  const int blocks = std::max(1, static_cast<int>(samples / static_cast<double>(kGroupBlock)));
+  const auto [t, p] = slower_than_good_valves(std::log(above), blocks, good->leftover, good->valves);
+  if (!(p < kWorthAFinding)) return std::nullopt;
+  Finding finding = left_more(std::string(kUnnamedChange), t, p);
+  finding.what = fmt::format("the simulation leaves {:.2g} times the noise in the rms, and of good valves {:.2g} times",
+                             std::sqrt(above), std::exp(0.5 * good->leftover.mean));
+  return finding;
 }
 
 double usual_above_noise(double noise, const ValveDiagnosisOptions& options) {

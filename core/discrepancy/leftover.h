@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -59,6 +60,16 @@ Leftover leftover_of(const LinearisedValve& linear, const ValveDiagnosisOptions&
 
 /// What noise alone costs in this session.
 double noise_cost(const Explanation& explanation);
+
+/// Slow noise of so many times the power of the fast noise, three times it in the rms altogether, is no noise: a gauge
+/// that sticks shows another level at every rest.
+inline constexpr double kMostSlowNoise = 10;
+
+/// That an explanation leaves more than kMostSlowNoise above the noise, and more than good valves leave: where
+/// recordings never rest, no group of samples tells slow noise from what is wrong. None where the reference does not
+/// know what good valves leave.
+std::optional<Finding> far_above_noise(const Explanation& explanation, double samples,
+                                       const ValveDiagnosisOptions& options);
 
 /// What a good valve would cost beyond the noise in a session whose noise costs `noise`: the mean of those the
 /// reference holds; 0 where it tells nothing of it.

@@ -35,9 +35,6 @@ constexpr double kMostLeft = 0.25;
 constexpr double kLoud = 1.2 * 1.2;
 // A residual at rest this many deviations slower than white noise is not white.
 constexpr double kWhiteAtRest = 5;
-// Slow noise at rest of so many times the power of the fast noise, three times it in the rms altogether, is no noise: a
-// gauge that sticks shows another level at every rest. What is slow where the valve moves is measured against rest.
-constexpr double kMostSlowNoise = 10;
 // A tone whose strength differs between recordings by half of it, in the root mean square, is none of the stand, and a
 // drift whose rate differs by a tenth is not the same in all of them, as its law has it.
 constexpr double kUnevenTone = 0.5, kUnevenDrift = 0.1;
@@ -715,6 +712,16 @@ bool is_explained(const Grounds& grounds, const LinearisedValve& linear, const L
   return !is_left || (!explanation.laws.empty() && remains < kMostLeft * there && is_borne_out(heldout.gain));
 }
 
+/// Whether a valve of which no cause is known leaves far more than noise and than good valves; and says so.
+bool leaves_far_more_than_noise(const Explanation& explanation, double samples, const ValveDiagnosisOptions& options,
+                                Leftover& leftover) {
+  if (!explanation.laws.empty()) return false;
+  std::optional<Finding> far = far_above_noise(explanation, samples, options);
+  if (!far || kTestsOfNoName * far->p_value >= kFalseAlarm) return false;
+  leftover.findings.push_back(std::move(*far));
+  return true;
+}
+
 /// Better accounts than the laws', of what no cause stands for.
 std::vector<Finding> unnamed_accounts(const Grounds& grounds, const LinearisedValve& linear,
                                       std::span<const Explanation> others) {
@@ -751,7 +758,9 @@ ValveDiagnosis conclude_search(const SearchedValve& searched, const ValveDiagnos
   const bool is_taken_up = kTestsOfNoName * own.p_value < kFalseAlarm;
   const std::vector<Explanation> others = without_each(explanation);
   const std::vector<Finding> unnamed = unnamed_accounts(grounds, linear, others);
-  const bool explained = !is_taken_up && unnamed.empty() && is_explained(grounds, linear, leftover, findings, heldout);
+  const bool leaves_much = leaves_far_more_than_noise(explanation, linear.samples(), options, leftover);
+  const bool explained =
+      !is_taken_up && !leaves_much && unnamed.empty() && is_explained(grounds, linear, leftover, findings, heldout);
   for (std::size_t l = 0; l < explanation.laws.size(); ++l) {
     discrepancy.causes.push_back(named_cause(grounds, l, explained));
   }

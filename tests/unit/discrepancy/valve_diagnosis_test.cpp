@@ -840,6 +840,43 @@ TEST(ValveDiagnosis, WhatGoodValvesLeaveAsWellHidesNoSecondCause) {
   EXPECT_EQ(causes({&three_tenths, 1}), (std::vector<std::string>{"sensor_offset", "periodic_disturbance"}));
 }
 
+/// The session read by a gauge whose gain wanders by so much, over a tenth of a second.
+std::vector<Recording> with_wandering_gain(std::vector<Recording> recordings, double sd) {
+  std::mt19937 generator(7);
+  std::normal_distribution<double> normal;
+  for (Recording& recording : recordings) {
+    const double keep = std::exp(-recording.sample_period_s / 0.1);
+    double wander = 0;
+    for (double& pressure : recording.output.values) {
+      wander = keep * wander + std::sqrt(1 - keep * keep) * normal(generator);
+      pressure *= 1 + sd * wander;
+    }
+  }
+  return recordings;
+}
+
+TEST(ValveDiagnosis, WhatIsFarLouderThanGoodValvesLeaveIsNoNoiseOfTheStand) {
+  const test::MadeValve valve;
+  const auto healthy = test::session(valve, kNoise_psi, 5);
+  const Population population(healthy, valve);
+  const auto diagnosis_of = [&](double sd, double usual) {
+    const std::vector<LeftoverOnGoodValves> leftovers{{"above the noise", std::log1p(usual), 0.1}};
+    const auto wandering = with_wandering_gain(healthy, sd);
+    const auto fit = fit_valve(wandering, population.options);
+    return diagnose_valve(
+               wandering, *fit,
+               {.fit = population.options, .good_valves = 8, .causes = population.causes, .leftovers = leftovers})
+        .discrepancy;
+  };
+  const Discrepancy loud = diagnosis_of(0.03, 0.05);
+  EXPECT_EQ(loud.conclusion, Conclusion::kUnexplained);
+  ASSERT_TRUE(loud.unnamed_change());
+  EXPECT_NE(loud.unnamed_change()->what.find("times the noise"), std::string::npos) << loud.unnamed_change()->what;
+  // Where good valves leave as much, and where slow noise is no louder than a stand's may be.
+  EXPECT_EQ(diagnosis_of(0.03, 40).conclusion, Conclusion::kNone);
+  EXPECT_EQ(diagnosis_of(0.006, 0.05).conclusion, Conclusion::kNone);
+}
+
 const Candidate& candidate(const Discrepancy& discrepancy, const std::string& cause) {
   const auto& list = discrepancy.candidates;
   return *std::find_if(list.begin(), list.end(), [&](const Candidate& c) { return c.cause == cause; });
