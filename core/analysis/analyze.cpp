@@ -9,6 +9,7 @@
 
 #include "core/analysis/classify_valve.h"
 #include "core/analysis/folded_tones.h"
+#include "core/analysis/known_tests.h"
 #include "core/analysis/outside_reference.h"
 #include "core/analysis/part_to_fit.h"
 #include "core/discrepancy/machine.h"
@@ -136,9 +137,12 @@ Result<void> require_current(const Reference& reference) {
 
 /// What the simulation gets wrong, into the analysis; the extended model's free runs into `runs` where there is one.
 /// `fit` becomes the baseline that was compared in the end.
+///
+/// common  what good valves leave in the part's recordings and has been taken off; empty where nothing is known of it
 Result<void> diagnose(std::span<const Recording> recordings, const PartToFit& part, ValveFit& fit,
-                      const ValveFitOptions& options, const Reference& reference, const StageReport& report,
-                      Analysis& analysis, FreeRuns& runs) {
+                      const ValveFitOptions& options, const Reference& reference,
+                      std::span<const std::vector<double>> common, const StageReport& report, Analysis& analysis,
+                      FreeRuns& runs) {
   ValveDiagnosis diagnosis = diagnose_valve(part.recordings, fit,
                                             {.fit = options,
                                              .good_valves = reference.valves,
@@ -150,6 +154,8 @@ Result<void> diagnose(std::span<const Recording> recordings, const PartToFit& pa
   fit.simulated = std::move(diagnosis.baseline);
   analysis.extended_model = std::move(diagnosis.extended_model);
   if (analysis.discrepancy->causes.empty()) return {};
+  put_back(common, diagnosis.extended);
+  for (auto& without : diagnosis.without_cause) put_back(common, without);
   auto extended = on_all_samples(part, std::move(diagnosis.extended), analysis.extended_model, recordings);
   if (!extended) return tl::unexpected(extended.error());
   runs.extended = std::move(*extended);
@@ -188,13 +194,23 @@ Result<FreeRuns> run_reference(std::span<const Recording> recordings, const Stag
     const std::size_t lost = leave_out_lost_input(kept.back(), memory_s);
     if (lost > 0) analysis.recordings[r].quality.push_back(lost_input_item(lost));
   }
-  ValveFitOptions options;
-  options.knots = reference.model.map->input;
-  options.reference_psi = reference.model.volume->reference_psi;
-  options.prior = prior_of(reference);
-  options.usual = usual_mechanisms(reference.model);
-  const PartToFit part = part_to_fit(kept, reference.sample_period_s);
+  PartToFit part = part_to_fit(kept, reference.sample_period_s);
   if (!part.is_whole) analysis.baseline.reason += part_words(recordings, part);
+  std::vector<std::vector<double>> common;
+  const Reference* compared = &reference;
+  for (const OnKnownTests& known : reference.on_known_tests) {
+    auto left = left_in_common(part.recordings, known.tests);
+    if (!left || !require_current(known.reference)) continue;
+    common = std::move(*left);
+    take_off(common, part.recordings);
+    compared = &known.reference;
+    analysis.baseline.reason += "; what the simulations of all of them leave in these tests is taken off";
+  }
+  ValveFitOptions options;
+  options.knots = compared->model.map->input;
+  options.reference_psi = compared->model.volume->reference_psi;
+  options.prior = prior_of(*compared);
+  options.usual = usual_mechanisms(compared->model);
   auto fit = fit_valve(part.recordings, options);
   if (!fit) return tl::unexpected(fit.error());
   analysis.baseline.model =
@@ -206,9 +222,10 @@ Result<FreeRuns> run_reference(std::span<const Recording> recordings, const Stag
   // reference cannot be compared with are no sign of a good valve.
   if (!reference.causes.empty() && runs.not_comparable.empty()) {
     const StageReport told = report_part(report, kFitted, kDiagnosed);
-    const auto diagnosed = diagnose(kept, part, *fit, options, reference, told, analysis, runs);
+    const auto diagnosed = diagnose(kept, part, *fit, options, *compared, common, told, analysis, runs);
     if (!diagnosed) return tl::unexpected(diagnosed.error());
   }
+  put_back(common, fit->simulated);
   auto baseline = on_all_samples(part, std::move(fit->simulated), analysis.baseline.model, recordings);
   if (!baseline) return tl::unexpected(baseline.error());
   runs.baseline = std::move(*baseline);

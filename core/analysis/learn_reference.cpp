@@ -11,12 +11,14 @@
 #include <string_view>
 #include <utility>
 
+#include "core/analysis/known_tests.h"
 #include "core/analysis/part_to_fit.h"
 #include "core/analysis/usual_mechanisms.h"
 #include "core/analysis/valve_covariance.h"
 #include "core/discrepancy/valve_diagnosis.h"
 #include "core/identify/valve_fit.h"
 #include "core/mechanisms/simulate_extended.h"
+#include "core/residual/fit_figures.h"
 #include "core/residual/noise_floor.h"
 #include "core/residual/step_response.h"
 #include "core/statistics/distributions.h"
@@ -44,6 +46,8 @@ struct Member {
 
 // Shares of the time of learning.
 constexpr double kFitted = 0.1, kUsualLearned = 0.3, kFittedAgain = 0.4;
+// Of both times, where it is learned twice.
+constexpr double kLearned = 0.5;
 
 void report_valve(const StageReport& report, std::string_view what, const ValveRecordings& valve, std::size_t before,
                   std::size_t valves) {
@@ -482,20 +486,14 @@ Result<void> check_distinct(std::span<const ValveRecordings> valves) {
   return {};
 }
 
-}  // namespace
+/// A reference, and what the fits it was learned of leave.
+struct Learned {
+  Reference reference;
+  std::vector<Member> members;
+};
 
-Result<Reference> learn_reference(std::span<const ValveRecordings> given, const std::string& valve_type,
-                                  const StageReport& report) {
-  std::vector<ValveRecordings> valves;
-  for (const ValveRecordings& valve : given) {
-    valves.push_back({valve.serial, part_to_fit(valve.recordings, 0).recordings});
-  }
-  if (valves.size() < static_cast<std::size_t>(kFewestReferenceValves)) {
-    return fail("too_few_valves",
-                fmt::format("a reference needs at least {} good valves, here {} {}", kFewestReferenceValves,
-                            valves.size() == 1 ? "is" : "are", valves.size()));
-  }
-  if (auto checked = check_distinct(valves); !checked) return tl::unexpected(checked.error());
+Result<Learned> learn_from(std::span<const ValveRecordings> valves, const std::string& valve_type,
+                           const StageReport& report) {
   auto options = common_options(valves);
   if (!options) return tl::unexpected(options.error());
 
@@ -515,9 +513,70 @@ Result<Reference> learn_reference(std::span<const ValveRecordings> given, const 
   const auto usual = learn_usual_mechanisms(recordings_of(alike), *options);
   if (!usual) return tl::unexpected(usual.error());
   options->usual = *usual;
-  const auto members = fit_members(valves, *options, *first, report_part(report, kUsualLearned, kFittedAgain));
+  auto members = fit_members(valves, *options, *first, report_part(report, kUsualLearned, kFittedAgain));
   if (!members) return tl::unexpected(members.error());
-  return learn_with(*members, valve_type, *options, report_part(report, kFittedAgain, 1));
+  auto reference = learn_with(*members, valve_type, *options, report_part(report, kFittedAgain, 1));
+  if (!reference) return tl::unexpected(reference.error());
+  return Learned{std::move(*reference), std::move(*members)};
+}
+
+std::vector<FollowedValve> followed(const std::vector<const Member*>& members) {
+  std::vector<FollowedValve> valves;
+  for (const Member* member : members) valves.push_back({member->valve->recordings, member->fit.simulated});
+  return valves;
+}
+
+/// Each valve with what the others' simulations leave in common taken off; none unless that leaves less of them, by
+/// kWorthTakingOff of the noise's power.
+std::vector<ValveRecordings> without_what_others_leave(const std::vector<Member>& members) {
+  constexpr double kWorthTakingOff = 0.05;
+  std::vector<ValveRecordings> cleaned;
+  double gained = 0, noise = 0;
+  for (const Member* member : used_members(members)) {
+    const std::vector<KnownTest> tests = known_tests(followed(used_members(members, member)));
+    const auto common = left_in_common(member->valve->recordings, tests);
+    if (!common) return {};
+    ValveRecordings valve = *member->valve;
+    take_off(*common, valve.recordings);
+    for (std::size_t r = 0; r < valve.recordings.size(); ++r) {
+      const Recording& before = member->valve->recordings[r];
+      const auto samples = static_cast<double>(before.valid_samples());
+      const auto left_by = [&](const Recording& recording) {
+        return std::pow(fit_figures(recording.output.values, member->fit.simulated[r], recording.valid).rmse, 2);
+      };
+      gained += samples * (left_by(before) - left_by(valve.recordings[r]));
+      noise += samples * std::pow(noise_floor(before).rms, 2);
+    }
+    cleaned.push_back(std::move(valve));
+  }
+  return gained > kWorthTakingOff * noise ? cleaned : std::vector<ValveRecordings>{};
+}
+
+}  // namespace
+
+Result<Reference> learn_reference(std::span<const ValveRecordings> given, const std::string& valve_type,
+                                  const StageReport& report) {
+  std::vector<ValveRecordings> valves;
+  for (const ValveRecordings& valve : given) {
+    valves.push_back({valve.serial, part_to_fit(valve.recordings, 0).recordings});
+  }
+  if (valves.size() < static_cast<std::size_t>(kFewestReferenceValves)) {
+    return fail("too_few_valves",
+                fmt::format("a reference needs at least {} good valves, here {} {}", kFewestReferenceValves,
+                            valves.size() == 1 ? "is" : "are", valves.size()));
+  }
+  if (auto checked = check_distinct(valves); !checked) return tl::unexpected(checked.error());
+  auto learned = learn_from(valves, valve_type, report_part(report, 0, kLearned));
+  if (!learned) return tl::unexpected(learned.error());
+  const std::vector<ValveRecordings> cleaned = without_what_others_leave(learned->members);
+  if (cleaned.empty()) return std::move(learned->reference);
+  // Beside what all of them leave, a valve that is unlike the others may show as one: it stands aside.
+  auto beyond = learn_from(cleaned, valve_type, report_part(report, kLearned, 1));
+  if (beyond) {
+    learned->reference.on_known_tests.push_back(
+        {known_tests(followed(used_members(learned->members))), std::move(beyond->reference)});
+  }
+  return std::move(learned->reference);
 }
 
 }  // namespace valvetriage

@@ -66,6 +66,15 @@ struct LeftoverOnGoodValves {
   std::optional<int> valves{};  ///< with enough samples in the group, all where absent
 };
 
+/// A test that good valves were put through, and what their simulations leave in common there.
+struct KnownTest {
+  double sample_period_s = 0;
+  std::vector<double> input;     ///< as it was played to one of them, one value a sample [A]
+  std::vector<double> residual;  ///< measured less simulated, as far as it is common to them [psi]
+};
+
+struct OnKnownTests;
+
 /// A population of good valves, learned from their recordings; not a curve.
 ///
 /// Parameter vector of one valve, p entries: `parameters` in their order, then the map's knot outputs. `covariance` is
@@ -93,6 +102,16 @@ struct Reference {
   std::vector<LevelPopulation> levels;
   std::vector<CauseOnGoodValves> causes;
   std::vector<LeftoverOnGoodValves> leftovers;
+
+  /// Where simulations leave much in common of good valves: what a valve that was put through the same tests is
+  /// compared with. At most one.
+  std::vector<OnKnownTests> on_known_tests;
+};
+
+/// What good valves are like once what their simulations leave in common is taken off.
+struct OnKnownTests {
+  std::vector<KnownTest> tests;
+  Reference reference;  ///< of the same valves
 };
 
 }  // namespace valvetriage

@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <map>
 #include <memory>
@@ -17,6 +18,10 @@ namespace valvetriage {
 namespace {
 
 namespace fs = std::filesystem;
+
+// In the root mean square, by which simulations may leave more than noise: three quarters of what they leave is no
+// noise beyond that.
+constexpr double kFollowed = 2;
 
 struct LearnArguments {
   std::vector<std::string> paths;
@@ -136,9 +141,32 @@ Result<std::vector<ValveRecordings>> read_valves(const std::vector<std::string>&
   return valves;
 }
 
+/// Of the valves that were used, in the root mean square [psi].
+double rmse_of_members(const Reference& reference) {
+  double squares = 0;
+  for (const ReferenceMember& member : reference.members) squares += member.used ? member.rmse * member.rmse : 0;
+  return std::sqrt(squares / std::max(reference.valves, 1));
+}
+
 void tell(const Reference& reference, const std::string& file) {
   fmt::print(stderr, "{}: {} good valves of {}, noise {:.3g} psi, {} levels\n", file, reference.valves,
              reference.valve_type, reference.noise_floor, reference.levels.size());
+  double left = rmse_of_members(reference);
+  for (const OnKnownTests& known : reference.on_known_tests) {
+    const double beyond = rmse_of_members(known.reference);
+    fmt::print(stderr,
+               "their simulations leave {:.3g} psi, and in common so much that it is taken off of a valve in the same "
+               "tests: {:.3g} psi are left then\n",
+               left, beyond);
+    left = beyond;
+  }
+  if (left > kFollowed * reference.noise_floor) {
+    fmt::print(
+        stderr,
+        "{:.3g} psi are {:.2g} times their noise: no simulation here follows these valves, and a fault that does "
+        "less stays unseen\n",
+        left, left / reference.noise_floor);
+  }
   for (const ReferenceMember& member : reference.members) {
     if (member.used) continue;
     fmt::print(stderr, "valve {} is unlike the others ({:.1f} standard deviations) and was left out\n", member.serial,

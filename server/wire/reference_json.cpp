@@ -50,6 +50,16 @@ Json to_json(const LeftoverOnGoodValves& leftover) {
   return json;
 }
 
+Json to_json(const KnownTest& test) {
+  return Json{{"sample_period_s", test.sample_period_s}, {"input_A", test.input}, {"residual_psi", test.residual}};
+}
+
+Json content(const Reference& reference);
+
+Json to_json(const OnKnownTests& known) {
+  return Json{{"tests", list_to_json(known.tests, to_json)}, {"reference", content(known.reference)}};
+}
+
 /// Everything that makes the reference what it is.
 Json content(const Reference& reference) {
   Json document{{"schema", "valvetriage.reference/1"},
@@ -71,6 +81,7 @@ Json content(const Reference& reference) {
                 {"levels", list_to_json(reference.levels, to_json)}};
   if (!reference.causes.empty()) document["causes"] = list_to_json(reference.causes, to_json);
   if (!reference.leftovers.empty()) document["leftovers"] = list_to_json(reference.leftovers, to_json);
+  for (const OnKnownTests& known : reference.on_known_tests) document["on_known_tests"] = to_json(known);
   return document;
 }
 
@@ -135,31 +146,20 @@ void check_sizes(JsonFields& fields, const Reference& reference) {
   }
 }
 
-}  // namespace
-
-std::string reference_sha256(const Reference& reference) {
-  return canonical_sha256(content(reference));
+KnownTest test_from_json(JsonFields fields) {
+  KnownTest test{.sample_period_s = fields.number("sample_period_s"),
+                 .input = fields.numbers("input_A"),
+                 .residual = fields.numbers("residual_psi")};
+  if (!fields.ok()) return test;
+  if (!(test.sample_period_s > 0)) fields.refuse("sample_period_s", "out_of_range", "expected more than 0");
+  if (test.input.empty() || test.input.size() != test.residual.size()) {
+    fields.refuse("residual_psi", "out_of_range",
+                  fmt::format("expected one number for each of the {} samples of the input", test.input.size()));
+  }
+  return test;
 }
 
-Json to_json(const Reference& reference) {
-  const Json body = content(reference);
-  Json document = Json::object();
-  for (const auto& [key, value] : body.items()) {
-    document[key] = value;
-    if (key == "valve_type") {
-      document["version"] = reference.version;
-      document["sha256"] = canonical_sha256(body);
-    }
-  }
-  return document;
-}
-
-Result<Reference> reference_from_json(const Json& document) {
-  std::optional<Error> error;
-  JsonFields fields(document, "", error);
-  if (fields.ok() && fields.text_or("schema", "") != "valvetriage.reference/1") {
-    return fail("not_a_reference", "this is no reference: expected \"schema\": \"valvetriage.reference/1\"");
-  }
+Reference reference_from(JsonFields& fields) {
   Reference reference;
   reference.valve_type = fields.text("valve_type");
   reference.version = fields.has("version") ? fields.small_count("version") : 0;
@@ -191,6 +191,44 @@ Result<Reference> reference_from_json(const Json& document) {
     fields.refuse("", "too_large", "too many members or levels");
   }
   check_sizes(fields, reference);
+  return reference;
+}
+
+}  // namespace
+
+std::string reference_sha256(const Reference& reference) {
+  return canonical_sha256(content(reference));
+}
+
+Json to_json(const Reference& reference) {
+  const Json body = content(reference);
+  Json document = Json::object();
+  for (const auto& [key, value] : body.items()) {
+    document[key] = value;
+    if (key == "valve_type") {
+      document["version"] = reference.version;
+      document["sha256"] = canonical_sha256(body);
+    }
+  }
+  return document;
+}
+
+Result<Reference> reference_from_json(const Json& document) {
+  std::optional<Error> error;
+  JsonFields fields(document, "", error);
+  if (fields.ok() && fields.text_or("schema", "") != "valvetriage.reference/1") {
+    return fail("not_a_reference", "this is no reference: expected \"schema\": \"valvetriage.reference/1\"");
+  }
+  Reference reference = reference_from(fields);
+  if (fields.has("on_known_tests")) {
+    JsonFields known = fields.object("on_known_tests");
+    JsonFields beyond = known.object("reference");
+    OnKnownTests& on_known = reference.on_known_tests.emplace_back();
+    for (JsonFields& test : known.objects("tests")) on_known.tests.push_back(test_from_json(test));
+    on_known.reference = reference_from(beyond);
+    if (on_known.tests.size() > kMaxKnownTests) known.refuse("tests", "too_large", "too many tests");
+    if (on_known.tests.empty()) known.refuse("tests", "out_of_range", "expected one test at least");
+  }
   if (error) return tl::unexpected(*error);
   reference.sha256 = reference_sha256(reference);
   return reference;

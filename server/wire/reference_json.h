@@ -7,6 +7,7 @@ namespace valvetriage {
 
 /// Most good valves, and most levels, a reference from outside may hold.
 inline constexpr std::size_t kMaxReferenceMembers = 10000;
+inline constexpr std::size_t kMaxKnownTests = 1000;
 inline constexpr std::size_t kMaxReferenceLevels = 1000;
 
 /// The reference document: schemas/reference.schema.json. `sha256` is that of its content (see below), whatever the

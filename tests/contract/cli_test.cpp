@@ -42,6 +42,7 @@ class Cli : public ::testing::Test {
     const Outcome learned =
         test::valvetriage({"reference", "learn", file("good"), "--valve-type", "type-1", "-o", reference()});
     ASSERT_EQ(learned.status, 0) << learned.err;
+    told_of_good_valves_ = learned.err;
   }
   static void TearDownTestSuite() { delete folder_; }
 
@@ -81,6 +82,8 @@ class Cli : public ::testing::Test {
     std::ofstream(file(name), std::ios::binary) << text;
     return file(name);
   }
+
+  static inline std::string told_of_good_valves_;
 
  private:
   static inline TemporaryFolder* folder_ = nullptr;
@@ -185,6 +188,20 @@ TEST_F(Cli, CopiesOfOneGoodValveAreNoPopulation) {
       test::valvetriage({"reference", "learn", file("copies"), "--valve-type", "type-1", "-o", file("copies.json")});
   EXPECT_EQ(outcome.status, 2);
   EXPECT_NE(outcome.err.find("more than once"), std::string::npos) << outcome.err;
+}
+
+TEST_F(Cli, GoodValvesThatNoSimulationFollowsAreToldSoWhenTheyAreLearned) {
+  for (const std::string unit : {"1", "2", "3"}) {
+    ASSERT_EQ(stand({"session", "--out", file("flickering/" + unit), "--serial", "S-" + unit, "--lot", "L1",
+                     "--unit-seed", unit, "--noise-seed", unit, "--tests", "step", "--effect", "telegraph_gain=0.1"})
+                  .status,
+              0);
+  }
+  const Outcome flickering = test::valvetriage(
+      {"reference", "learn", file("flickering"), "--valve-type", "type-1", "-o", file("flickering.json")});
+  ASSERT_EQ(flickering.status, 0) << flickering.err;
+  EXPECT_NE(flickering.err.find("times their noise"), std::string::npos) << flickering.err;
+  EXPECT_EQ(told_of_good_valves_.find("times their noise"), std::string::npos) << told_of_good_valves_;
 }
 
 TEST_F(Cli, AnAnalysisFitsItsSchemaAndNamesItsReasonForNoVerdict) {

@@ -344,6 +344,57 @@ TEST(Analyze, AValveThatNeverFollowsIsJudgedThoughItsGaugeMayBeDeadAndGivenNoNam
   EXPECT_NE(said.find("check the gauge before the valve"), std::string::npos) << said;
 }
 
+/// A session whose pressure lags behind every edge as no model here does.
+std::vector<Recording> with_a_tail(std::vector<Recording> recordings, double psi) {
+  for (Recording& recording : recordings) {
+    double tail = 0;
+    for (std::size_t i = 1; i < recording.samples(); ++i) {
+      const double edge = recording.input.values[i] - recording.input.values[i - 1];
+      tail = tail * 0.97 + (std::abs(edge) > 0.1 ? psi * std::abs(edge) : 0);
+      recording.output.values[i] += tail * std::sin(0.15 * static_cast<double>(i % 64));
+    }
+  }
+  return recordings;
+}
+
+TEST(Analyze, WhatSimulationsOfGoodValvesLeaveInCommonIsNoFaultOfAValveInTheSameTests) {
+  constexpr double kTail_psi = 12;
+  std::vector<ValveRecordings> good;
+  std::mt19937 random(6);
+  std::normal_distribution<double> normal;
+  for (unsigned i = 0; i < 4; ++i) {
+    test::MadeValve valve;
+    valve.parameters.volume.time_constant_s *= std::exp(0.03 * normal(random));
+    good.push_back(
+        {"GOOD-" + std::to_string(i), with_a_tail(test::session(valve, kNoise_psi, 200 + 100 * i), kTail_psi)});
+  }
+  const auto learned = learn_reference(good, "type-1");
+  ASSERT_TRUE(learned.has_value()) << learned.error().message;
+  ASSERT_EQ(learned->on_known_tests.size(), 1u);
+  EXPECT_TRUE(reference().on_known_tests.empty());  // of valves that leave their noise
+
+  const auto healthy = with_a_tail(test::session({}, kNoise_psi, 900), kTail_psi);
+  const Analysis same = analysed(healthy, {.reference = *learned});
+  EXPECT_LT(same.simulation.rmse, 1.2 * kNoise_psi);
+  EXPECT_EQ(same.discrepancy->conclusion, Conclusion::kNone);
+  EXPECT_NE(same.baseline.reason.find("is taken off"), std::string::npos) << same.baseline.reason;
+
+  auto offset = healthy;
+  for (Recording& recording : offset) {
+    for (double& pressure : recording.output.values) pressure += 3;
+  }
+  const Analysis faulty = analysed(offset, {.reference = *learned});
+  ASSERT_FALSE(faulty.discrepancy->causes.empty());
+  EXPECT_EQ(faulty.discrepancy->causes.front().cause, "sensor_offset");
+
+  // Another test: as it was without.
+  auto more = healthy;
+  more.push_back(with_a_tail({test::step_to({}, 1.5, kNoise_psi, 950)}, kTail_psi).front());
+  const Analysis other = analysed(more, {.reference = *learned});
+  EXPECT_EQ(other.baseline.reason.find("is taken off"), std::string::npos) << other.baseline.reason;
+  EXPECT_GT(other.simulation.rmse, 1.3 * kNoise_psi);
+}
+
 TEST(Analyze, SwappedColumnsAreToldThoughSomeOfTheirNumbersLieWithinTheReference) {
   auto recordings = test::session({}, kNoise_psi, 900);
   for (Recording& recording : recordings) std::swap(recording.input.values, recording.output.values);

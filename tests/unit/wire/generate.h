@@ -122,7 +122,7 @@ inline Machine machine() {
   return m;
 }
 
-inline Reference reference() {
+inline Reference plain_reference() {
   Reference r;
   r.valve_type = "type-" + text();
   r.version = small(0, 9);
@@ -148,6 +148,22 @@ inline Reference reference() {
   r.window = {positive(), positive()};
   for (int i = small(0, 5); i > 0; --i) {
     r.levels.push_back({number(), positive(), positive(), number(), positive(), positive(), positive()});
+  }
+  return r;
+}
+
+inline Reference reference() {
+  Reference r = plain_reference();
+  if (small(0, 1)) {
+    OnKnownTests known{.tests = {}, .reference = plain_reference()};
+    // Neither is written where it stands inside another one.
+    known.reference.version = 0;
+    known.reference.sha256.clear();
+    for (int i = small(1, 3); i > 0; --i) {
+      const auto samples = static_cast<std::size_t>(small(1, 5));
+      known.tests.push_back({positive(), numbers(samples), numbers(samples)});
+    }
+    r.on_known_tests.push_back(std::move(known));
   }
   return r;
 }

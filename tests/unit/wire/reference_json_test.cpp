@@ -38,6 +38,29 @@ RC_GTEST_PROP(ReferenceJson, SizesThatDoNotFitEachOtherAreRefused, ()) {
   RC_ASSERT(reference_from_json(document).error().field == "/map_sd");
 }
 
+RC_GTEST_PROP(ReferenceJson, AKnownTestHasAResidualForEverySampleOfItsInput, ()) {
+  Reference reference = generate::plain_reference();
+  reference.on_known_tests.push_back({{{0.005, {1, 2}, {0.5, 0}}}, generate::plain_reference()});
+  const Json good = to_json(reference);
+  RC_ASSERT(reference_from_json(good)->on_known_tests.at(0).tests.at(0).residual.at(0) == 0.5);
+  Json document = good;
+  document["on_known_tests"]["tests"][0]["residual_psi"].push_back(0);
+  RC_ASSERT(reference_from_json(document).error().field == "/on_known_tests/tests/0/residual_psi");
+  document = good;
+  document["on_known_tests"]["tests"][0]["sample_period_s"] = 0;
+  RC_ASSERT(reference_from_json(document).error().field == "/on_known_tests/tests/0/sample_period_s");
+  document = good;
+  document["on_known_tests"]["reference"].erase("valves");
+  RC_ASSERT(reference_from_json(document).error().field == "/on_known_tests/reference/valves");
+  document = good;
+  document["on_known_tests"]["tests"] = Json(kMaxKnownTests, good["on_known_tests"]["tests"][0]);
+  RC_ASSERT(reference_from_json(document).has_value());
+  document["on_known_tests"]["tests"].push_back(good["on_known_tests"]["tests"][0]);
+  RC_ASSERT(reference_from_json(document).error().code == "too_large");
+  document["on_known_tests"]["tests"] = Json::array();
+  RC_ASSERT(!reference_from_json(document).has_value());
+}
+
 TEST(ReferenceJson, AnotherDocumentIsRefused) {
   EXPECT_EQ(reference_from_json(Json::object()).error().code, "not_a_reference");
   EXPECT_EQ(reference_from_json(Json(1)).error().code, "wrong_type");
