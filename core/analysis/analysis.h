@@ -31,7 +31,8 @@ struct Baseline {
   BaselineKind kind = BaselineKind::kSelf;
   std::string reason;  ///< one sentence: why this baseline
   std::optional<Reference> reference;
-  Model model;  ///< what `simulation` is the free run of
+  bool on_known_tests = false;  ///< of the reference, what it holds of valves that were put through the same tests
+  Model model;  ///< what `simulation` is the free run of, beside what good valves leave where `on_known_tests`
 };
 
 /// Figures of the step response at one current level.

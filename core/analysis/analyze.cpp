@@ -137,12 +137,9 @@ Result<void> require_current(const Reference& reference) {
 
 /// What the simulation gets wrong, into the analysis; the extended model's free runs into `runs` where there is one.
 /// `fit` becomes the baseline that was compared in the end.
-///
-/// common  what good valves leave in the part's recordings and has been taken off; empty where nothing is known of it
 Result<void> diagnose(std::span<const Recording> recordings, const PartToFit& part, ValveFit& fit,
-                      const ValveFitOptions& options, const Reference& reference,
-                      std::span<const std::vector<double>> common, const StageReport& report, Analysis& analysis,
-                      FreeRuns& runs) {
+                      const ValveFitOptions& options, const Reference& reference, const StageReport& report,
+                      Analysis& analysis, FreeRuns& runs) {
   ValveDiagnosis diagnosis = diagnose_valve(part.recordings, fit,
                                             {.fit = options,
                                              .good_valves = reference.valves,
@@ -150,12 +147,12 @@ Result<void> diagnose(std::span<const Recording> recordings, const PartToFit& pa
                                              .leftovers = reference.leftovers,
                                              .report = report});
   analysis.discrepancy = std::move(diagnosis.discrepancy);
+  // Of another test it is not known what good valves leave there: with it in the session nothing would be taken off.
+  if (analysis.baseline.on_known_tests) analysis.discrepancy->next_test.reset();
   analysis.baseline.model = std::move(diagnosis.baseline_model);
   fit.simulated = std::move(diagnosis.baseline);
   analysis.extended_model = std::move(diagnosis.extended_model);
   if (analysis.discrepancy->causes.empty()) return {};
-  put_back(common, diagnosis.extended);
-  for (auto& without : diagnosis.without_cause) put_back(common, without);
   auto extended = on_all_samples(part, std::move(diagnosis.extended), analysis.extended_model, recordings);
   if (!extended) return tl::unexpected(extended.error());
   runs.extended = std::move(*extended);
@@ -194,18 +191,19 @@ Result<FreeRuns> run_reference(std::span<const Recording> recordings, const Stag
     const std::size_t lost = leave_out_lost_input(kept.back(), memory_s);
     if (lost > 0) analysis.recordings[r].quality.push_back(lost_input_item(lost));
   }
-  PartToFit part = part_to_fit(kept, reference.sample_period_s);
-  if (!part.is_whole) analysis.baseline.reason += part_words(recordings, part);
   std::vector<std::vector<double>> common;
   const Reference* compared = &reference;
   for (const OnKnownTests& known : reference.on_known_tests) {
-    auto left = left_in_common(part.recordings, known.tests);
+    auto left = all_left_in_common(kept, known.tests);
     if (!left || !require_current(known.reference)) continue;
     common = std::move(*left);
-    take_off(common, part.recordings);
+    for (std::size_t r = 0; r < kept.size(); ++r) take_off(common[r], kept[r]);
     compared = &known.reference;
+    analysis.baseline.on_known_tests = true;
     analysis.baseline.reason += "; what the simulations of all of them leave in these tests is taken off";
   }
+  const PartToFit part = part_to_fit(kept, compared->sample_period_s);
+  if (!part.is_whole) analysis.baseline.reason += part_words(recordings, part);
   ValveFitOptions options;
   options.knots = compared->model.map->input;
   options.reference_psi = compared->model.volume->reference_psi;
@@ -220,15 +218,17 @@ Result<FreeRuns> run_reference(std::span<const Recording> recordings, const Stag
   runs.not_comparable = not_comparable(recordings, kept, reference, std::max(kLeastCompared_s, memory_s));
   // A reference learned without the engine's survey of its valves has no scale to name a cause by, and samples that the
   // reference cannot be compared with are no sign of a good valve.
-  if (!reference.causes.empty() && runs.not_comparable.empty()) {
+  if (!compared->causes.empty() && runs.not_comparable.empty()) {
     const StageReport told = report_part(report, kFitted, kDiagnosed);
-    const auto diagnosed = diagnose(kept, part, *fit, options, *compared, common, told, analysis, runs);
+    const auto diagnosed = diagnose(kept, part, *fit, options, *compared, told, analysis, runs);
     if (!diagnosed) return tl::unexpected(diagnosed.error());
   }
-  put_back(common, fit->simulated);
   auto baseline = on_all_samples(part, std::move(fit->simulated), analysis.baseline.model, recordings);
   if (!baseline) return tl::unexpected(baseline.error());
   runs.baseline = std::move(*baseline);
+  put_back(common, runs.baseline);
+  put_back(common, runs.extended);
+  for (auto& without : runs.without_cause) put_back(common, without);
   for (const Recording& recording : recordings) {
     auto population = simulate_extended(reference.model, recording, InitialState{});
     if (!population) return tl::unexpected(population.error());

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <optional>
 #include <span>
 #include <vector>
@@ -16,23 +17,48 @@ struct FollowedValve {
 };
 
 /// What simulations of good valves leave in common, test by test: a stand plays every valve the same, and what no model
-/// here follows of the one it does not follow of the next. Of each of the first valve's recordings the mean of what all
-/// valves leave, as far as it stands out from their scatter and their noise: of its Haar coefficients those beyond the
-/// largest that so many would have by chance (Donoho and Johnstone, Biometrika 81 (1994) 425), the rest set to none.
+/// here follows of the one it does not follow of the next.
 ///
-/// Returns  one per recording whose input every valve was played; none unless all recordings of all valves are such
-/// Cost     O(samples · valves)
-std::vector<KnownTest> known_tests(std::span<const FollowedValve> valves);
+/// A test is an input that every valve was played. Its residual is the mean of what the valves leave, of the Haar
+/// coefficients of that mean those that exceed the largest that noise would show in so many (Donoho and Johnstone,
+/// Biometrika 81 (1994) 425). What a few valves scatter by exceeds it more often: whether the mean is worth taking off,
+/// valves that had no part in it tell.
+class CommonResiduals {
+ public:
+  /// Cost  O(samples · valves · tests · shifts)
+  explicit CommonResiduals(std::span<const FollowedValve> valves);
 
-/// What good valves leave in these tests [psi], one value a sample; none unless all recordings are of known tests: the
-/// same input, to a fiftieth of its deviation, on the same clock, begun up to kMostShift samples sooner or later.
-std::optional<std::vector<std::vector<double>>> left_in_common(std::span<const Recording> recordings,
-                                                               std::span<const KnownTest> tests);
+  /// Of all valves.
+  std::vector<KnownTest> of_all() const { return without(std::nullopt); }
+  /// Of all but one: what is expected of that one. Cost O(samples)
+  std::vector<KnownTest> of_others(std::size_t valve) const { return without(valve); }
 
+ private:
+  struct Test {
+    double sample_period_s = 0;
+    std::vector<double> input;
+    Eigen::MatrixXd coefficients;  ///< one column per valve, a power of two of rows
+    double noise_square = 0;       ///< of one recording [psi²]
+  };
+  std::vector<KnownTest> without(std::optional<std::size_t> valve) const;
+
+  std::vector<Test> tests_;
+};
+
+/// Samples by which a recording may begin sooner or later than the test it is of.
 inline constexpr int kMostShift = 50;
 
+/// What good valves leave in a recording [psi], one value a sample; empty where it is of no known test: the same input,
+/// to a fiftieth of its deviation or what a meter of current is uncertain by, on the same clock, begun up to kMostShift
+/// samples sooner or later. Samples that are not valid and a few that jumps may fall into do not count.
+std::vector<double> left_in_common(const Recording& recording, std::span<const KnownTest> tests);
+
+/// The same of each of several; none unless all of them are of known tests.
+std::optional<std::vector<std::vector<double>>> all_left_in_common(std::span<const Recording> recordings,
+                                                                   std::span<const KnownTest> tests);
+
 /// Takes off what good valves leave in common.
-void take_off(std::span<const std::vector<double>> common, std::vector<Recording>& recordings);
+void take_off(std::span<const double> common, Recording& recording);
 /// Puts it back, where `common` holds anything.
 void put_back(std::span<const std::vector<double>> common, std::vector<std::vector<double>>& runs);
 

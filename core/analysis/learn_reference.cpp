@@ -7,6 +7,7 @@
 #include <boost/math/statistics/univariate_statistics.hpp>
 #include <cmath>
 #include <map>
+#include <optional>
 #include <set>
 #include <string_view>
 #include <utility>
@@ -171,8 +172,8 @@ MatrixXd covariance_of(const std::vector<const Member*>& members, const ValveFit
 }
 
 Model model_of(const VectorXd& vector, const ValveFitOptions& options) {
-  const VectorXd outputs = vector.tail(vector.size() - kParameters);
-  const std::vector<double> values(outputs.data(), outputs.data() + outputs.size());
+  std::vector<double> values(static_cast<std::size_t>(vector.size() - kParameters));
+  VectorXd::Map(values.data(), std::ssize(values)) = vector.tail(std::ssize(values));
   const std::vector<double> weights(values.size(), 1.0);
   return to_model(to_parameters(vector.head(kParameters), options.reference_psi, options.usual),
                   {options.knots, monotone_regression(values, weights)}, options.usual);
@@ -526,30 +527,45 @@ std::vector<FollowedValve> followed(const std::vector<const Member*>& members) {
   return valves;
 }
 
-/// Each valve with what the others' simulations leave in common taken off; none unless that leaves less of them, by
-/// kWorthTakingOff of the noise's power.
-std::vector<ValveRecordings> without_what_others_leave(const std::vector<Member>& members) {
+/// Each valve's recordings of the tests that all were put through, with what the others' simulations leave in common
+/// taken off; none unless that leaves less of them, by kWorthTakingOff of the noise's power.
+std::vector<ValveRecordings> without_what_others_leave(const std::vector<const Member*>& members,
+                                                       const CommonResiduals& common) {
   constexpr double kWorthTakingOff = 0.05;
   std::vector<ValveRecordings> cleaned;
   double gained = 0, noise = 0;
-  for (const Member* member : used_members(members)) {
-    const std::vector<KnownTest> tests = known_tests(followed(used_members(members, member)));
-    const auto common = left_in_common(member->valve->recordings, tests);
-    if (!common) return {};
-    ValveRecordings valve = *member->valve;
-    take_off(*common, valve.recordings);
+  for (std::size_t m = 0; m < members.size(); ++m) {
+    const ValveRecordings& valve = *members[m]->valve;
+    const std::vector<KnownTest> tests = common.of_others(m);
+    cleaned.push_back({valve.serial, {}});
     for (std::size_t r = 0; r < valve.recordings.size(); ++r) {
-      const Recording& before = member->valve->recordings[r];
-      const auto samples = static_cast<double>(before.valid_samples());
-      const auto left_by = [&](const Recording& recording) {
-        return std::pow(fit_figures(recording.output.values, member->fit.simulated[r], recording.valid).rmse, 2);
+      const Recording& before = valve.recordings[r];
+      const std::vector<double> left = left_in_common(before, tests);
+      if (left.empty()) continue;
+      Recording& after = cleaned.back().recordings.emplace_back(before);
+      take_off(left, after);
+      const auto square_left_by = [&](const Recording& recording) {
+        return std::pow(fit_figures(recording.output.values, members[m]->fit.simulated[r], recording.valid).rmse, 2);
       };
-      gained += samples * (left_by(before) - left_by(valve.recordings[r]));
+      const auto samples = static_cast<double>(before.valid_samples());
+      gained += samples * (square_left_by(before) - square_left_by(after));
       noise += samples * std::pow(noise_floor(before).rms, 2);
     }
-    cleaned.push_back(std::move(valve));
+    if (cleaned.back().recordings.empty()) return {};
   }
   return gained > kWorthTakingOff * noise ? cleaned : std::vector<ValveRecordings>{};
+}
+
+/// What good valves are like beyond what their simulations leave in common; none where that is little, or the rest
+/// tells no population.
+std::optional<OnKnownTests> learn_beyond(const std::vector<const Member*>& members, const std::string& valve_type,
+                                         const StageReport& report) {
+  const CommonResiduals common(followed(members));
+  const std::vector<ValveRecordings> cleaned = without_what_others_leave(members, common);
+  if (cleaned.empty()) return std::nullopt;
+  auto learned = learn_from(cleaned, valve_type, report);
+  if (!learned) return std::nullopt;
+  return OnKnownTests{common.of_all(), std::move(learned->reference)};
 }
 
 }  // namespace
@@ -568,14 +584,8 @@ Result<Reference> learn_reference(std::span<const ValveRecordings> given, const 
   if (auto checked = check_distinct(valves); !checked) return tl::unexpected(checked.error());
   auto learned = learn_from(valves, valve_type, report_part(report, 0, kLearned));
   if (!learned) return tl::unexpected(learned.error());
-  const std::vector<ValveRecordings> cleaned = without_what_others_leave(learned->members);
-  if (cleaned.empty()) return std::move(learned->reference);
-  // Beside what all of them leave, a valve that is unlike the others may show as one: it stands aside.
-  auto beyond = learn_from(cleaned, valve_type, report_part(report, kLearned, 1));
-  if (beyond) {
-    learned->reference.on_known_tests.push_back(
-        {known_tests(followed(used_members(learned->members))), std::move(beyond->reference)});
-  }
+  auto beyond = learn_beyond(used_members(learned->members), valve_type, report_part(report, kLearned, 1));
+  if (beyond) learned->reference.on_known_tests.push_back(std::move(*beyond));
   return std::move(learned->reference);
 }
 

@@ -285,7 +285,9 @@ double noise_cost(const Explanation& explanation) {
 
 std::optional<Finding> far_above_noise(const Explanation& explanation, double samples,
                                        const ValveDiagnosisOptions& options) {
-  const double above = explanation.cost / noise_cost(explanation);
+  const double noise = noise_cost(explanation);
+  if (!(noise > 0)) return std::nullopt;
+  const double above = explanation.cost / noise;
   const std::optional<GoodValves> good = good_valves(kAboveNoise, options);
   if (!good || !(above > 1 + kMostSlowNoise)) return std::nullopt;
   const int blocks = std::max(1, static_cast<int>(samples / static_cast<double>(kGroupBlock)));

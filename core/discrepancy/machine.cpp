@@ -121,8 +121,10 @@ std::vector<SideOfMachine> sides_of(const MachineData& data) {
   for (std::size_t c = 0; c < channels.size(); ++c) {
     std::vector<double> values;
     for (const MachineRecord& record : data.records) {
-      if (c >= record.side.size()) continue;
-      std::copy_if(record.side[c].values.begin(), record.side[c].values.end(), std::back_inserter(values),
+      const auto same = std::find_if(record.side.begin(), record.side.end(),
+                                     [&](const Channel& channel) { return channel.name == channels[c].name; });
+      if (same == record.side.end()) continue;
+      std::copy_if(same->values.begin(), same->values.end(), std::back_inserter(values),
                    [](double value) { return std::isfinite(value); });
     }
     if (values.empty()) continue;

@@ -111,7 +111,7 @@ struct Reference {
 /// What good valves are like once what their simulations leave in common is taken off.
 struct OnKnownTests {
   std::vector<KnownTest> tests;
-  Reference reference;  ///< of the same valves
+  Reference reference;  ///< learned of the same valves once that is taken off, itself without any
 };
 
 }  // namespace valvetriage

@@ -148,6 +148,14 @@ double rmse_of_members(const Reference& reference) {
   return std::sqrt(squares / std::max(reference.valves, 1));
 }
 
+void tell_left_out(const Reference& reference, const char* when) {
+  for (const ReferenceMember& member : reference.members) {
+    if (member.used) continue;
+    fmt::print(stderr, "valve {}{} is unlike the others ({:.1f} standard deviations) and was left out\n", member.serial,
+               when, member.distance);
+  }
+}
+
 void tell(const Reference& reference, const std::string& file) {
   fmt::print(stderr, "{}: {} good valves of {}, noise {:.3g} psi, {} levels\n", file, reference.valves,
              reference.valve_type, reference.noise_floor, reference.levels.size());
@@ -159,19 +167,16 @@ void tell(const Reference& reference, const std::string& file) {
                "tests: {:.3g} psi are left then\n",
                left, beyond);
     left = beyond;
+    tell_left_out(known.reference, ", once that is taken off,");
   }
-  if (left > kFollowed * reference.noise_floor) {
+  if (reference.noise_floor > 0 && left > kFollowed * reference.noise_floor) {
     fmt::print(
         stderr,
         "{:.3g} psi are {:.2g} times their noise: no simulation here follows these valves, and a fault that does "
         "less stays unseen\n",
         left, left / reference.noise_floor);
   }
-  for (const ReferenceMember& member : reference.members) {
-    if (member.used) continue;
-    fmt::print(stderr, "valve {} is unlike the others ({:.1f} standard deviations) and was left out\n", member.serial,
-               member.distance);
-  }
+  tell_left_out(reference, "");
 }
 
 ExitStatus run_learn(const LearnArguments& arguments) {

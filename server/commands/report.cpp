@@ -70,7 +70,7 @@ report::RecordingPlot plot_of(const Recording& recording, const Analysis& analys
   const auto& compared = analysis.baseline.reference;
   const Reference* reference = compared ? &*compared : nullptr;
   auto panels = report::recording_panels(recording, analysis.baseline.model, added ? &analysis.extended_model : nullptr,
-                                         http::kReportPoints);
+                                         http::kReportPoints, report::tests_taken_off(analysis.baseline, reference));
   if (!panels) {
     return {.name = recording.name,
             .panels = {},

@@ -17,7 +17,8 @@ inline constexpr std::size_t kMaxTrailerBytes = 4 * 1024;
 
 /// Recordings of one submission: one valve's session is six; a whole lot in one folder is a mistake of the caller's.
 inline constexpr std::size_t kMaxFilesPerSubmission = 256;
-/// JSON documents other than recordings (references with maps and covariances are the largest, about 300 kB).
+/// JSON documents other than recordings (references with maps, covariances and the tests of
+/// their valves are the largest, 1 MB of six tests of 4000 samples, 10 MB of the most samples that are fitted).
 inline constexpr std::size_t kMaxDocumentBytes = 16 * 1024 * 1024;
 /// Good valves of one reference that is learned here: seconds each while its sender waits, a quarter of an hour. So
 /// many tell a spread to 4 %; the verb `reference learn` takes more.

@@ -13,8 +13,14 @@
 namespace valvetriage::http {
 namespace {
 
-/// A reference as an analysis names it.
-using ReferenceName = std::pair<std::string, int>;
+/// A reference as an analysis names it, and which of its populations the valve was compared with.
+struct ReferenceName {
+  std::string valve_type;
+  int version = 0;
+  bool on_known_tests = false;
+
+  auto operator<=>(const ReferenceName&) const = default;
+};
 
 struct FittedValve {
   ReferenceName reference;
@@ -30,7 +36,9 @@ Result<std::optional<FittedValve>> fitted_valve(Store& store, const SubmissionRo
   if (!reference.is_object() || reference.value("version", 0) == 0) return std::nullopt;
   const auto model = model_from_json(baseline.value("model", Json()));
   if (!model) return std::nullopt;
-  return FittedValve{.reference = {reference.value("valve_type", ""), reference.value("version", 0)}, .model = *model};
+  return FittedValve{.reference = {reference.value("valve_type", ""), reference.value("version", 0),
+                                   reference.value("on_known_tests", false)},
+                     .model = *model};
 }
 
 bool takes_part(const SubmissionRow& row) {
@@ -71,7 +79,7 @@ Result<report::LotShifts> lot_shifts(Store& store, const LotHistory& history) {
   const auto most = std::max_element(fits.begin(), fits.end(),
                                      [](const auto& a, const auto& b) { return a.second.size() < b.second.size(); });
   if (most == fits.end()) return shifts;
-  const auto& [valve_type, version] = most->first;
+  const auto& [valve_type, version, on_known_tests] = most->first;
   const auto stored = store.document(DocumentKind::kReference, valve_type, version);
   if (!stored && stored.error().code == "not_found") return shifts;
   if (!stored) return tl::unexpected(stored.error());
@@ -80,11 +88,13 @@ Result<report::LotShifts> lot_shifts(Store& store, const LotHistory& history) {
   shifts.valve_type = valve_type;
   shifts.reference_version = version;
   std::vector<std::vector<PopulationFigure>> valves;
+  const bool is_nested = on_known_tests && !reference->on_known_tests.empty();
+  const Reference& population = is_nested ? reference->on_known_tests.front().reference : *reference;
   for (const Model& model : most->second) {
-    auto figures = population_figures(model, *reference);
+    auto figures = population_figures(model, population);
     if (!figures.empty()) valves.push_back(std::move(figures));
   }
-  shifts.good_valves = reference->valves;
+  shifts.good_valves = population.valves;
   shifts.valves = valves.size();
   shifts.figures = shifts_of(valves);
   return shifts;

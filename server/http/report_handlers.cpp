@@ -34,12 +34,13 @@ const Model* extended_model(const Analysis& analysis) {
   return added ? &analysis.extended_model : nullptr;
 }
 
-/// reference  null: no recording of the analysis leaves it
+/// reference  that of reference_to_show; null: none
 Result<report::RecordingPlot> drawn(Service& service, const RecordingRow& row, const Analysis& analysis,
                                     const Reference* reference) {
   const auto recording = read_stored_recording(service, row);
   if (!recording) return tl::unexpected(recording.error());
-  auto panels = report::recording_panels(*recording, analysis.baseline.model, extended_model(analysis), kReportPoints);
+  auto panels = report::recording_panels(*recording, analysis.baseline.model, extended_model(analysis), kReportPoints,
+                                         report::tests_taken_off(analysis.baseline, reference));
   if (!panels) return tl::unexpected(panels.error());
   return report::RecordingPlot{.name = row.name,
                                .panels = std::move(*panels),
@@ -87,7 +88,7 @@ Result<Response> get_report(Service& service, Request& request) {
   if (!rows) return tl::unexpected(rows.error());
   const auto place = PlaceForWork::take(service.computations);
   if (!place) return tl::unexpected(place.error());
-  const auto reference = reference_left(service, document->analysis);
+  const auto reference = reference_to_show(service, document->analysis);
   if (!reference) return tl::unexpected(reference.error());
   report::ValveReport valve{.subject = subject_of(*submission), .analysis = std::move(*document), .plots = {}};
   for (const RecordingRow& row : *rows) {
@@ -106,7 +107,7 @@ Result<Response> get_plot(Service& service, Request& request) {
   if (!document) return tl::unexpected(document.error());
   const auto place = PlaceForWork::take(service.computations);
   if (!place) return tl::unexpected(place.error());
-  const auto reference = reference_left(service, document->analysis);
+  const auto reference = reference_to_show(service, document->analysis);
   if (!reference) return tl::unexpected(reference.error());
   const auto plot = drawn(service, *row, document->analysis, pointer_to(*reference));
   if (!plot) return tl::unexpected(plot.error());

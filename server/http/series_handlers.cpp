@@ -101,6 +101,18 @@ Result<Model> stored_model(Service& service, const SubmissionRow& submission, bo
   return model_from_json(model);
 }
 
+/// The tests on which what good valves leave belongs to the simulations of a submission.
+Result<std::vector<KnownTest>> tests_taken_off(Service& service, const SubmissionRow& submission) {
+  const auto row = analysis_asked_for(service, submission);
+  if (!row) return tl::unexpected(row.error());
+  const auto document = stored_analysis(service, *row);
+  if (!document) return std::vector<KnownTest>{};
+  const auto reference = reference_to_show(service, document->analysis);
+  if (!reference) return tl::unexpected(reference.error());
+  const auto known = report::tests_taken_off(document->analysis.baseline, *reference ? &**reference : nullptr);
+  return std::vector<KnownTest>(known.begin(), known.end());
+}
+
 /// The whole series on the recording's grid; samples inside gaps are NaN.
 Result<std::vector<double>> series_values(Service& service, const Request& request, const Recording& recording,
                                           Shown what) {
@@ -112,7 +124,9 @@ Result<std::vector<double>> series_values(Service& service, const Request& reque
   const bool extended = what == Shown::kExtended || what == Shown::kExtendedResidual;
   const auto model = stored_model(service, *submission, extended);
   if (!model) return tl::unexpected(model.error());
-  auto simulated = report::free_run(*model, recording);
+  const auto known = tests_taken_off(service, *submission);
+  if (!known) return tl::unexpected(known.error());
+  auto simulated = report::free_run(*model, recording, *known);
   if (!simulated || what == Shown::kSimulated || what == Shown::kExtended) return simulated;
   for (std::size_t i = 0; i < values.size(); ++i) values[i] -= (*simulated)[i];
   return values;
@@ -218,7 +232,7 @@ Result<std::optional<Reference>> reference_of_marks(Service& service, const Requ
   if (!row) return tl::unexpected(row.error());
   const auto document = stored_analysis(service, *row);
   if (!document) return std::nullopt;
-  return reference_left(service, document->analysis);
+  return reference_to_show(service, document->analysis);
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include "server/http/limits.h"
 #include "server/http/stored_recording.h"
 #include "server/http/subject.h"
+#include "server/report/curves.h"
 #include "server/wire/residuals_json.h"
 
 namespace valvetriage::http {
@@ -52,7 +53,11 @@ Result<ValveResiduals> simulated_residuals(Service& service, const SubmissionRow
     auto recording = read_stored_recording(service, each);
     if (recording) recordings.push_back(std::move(*recording));
   }
-  ValveResiduals residuals = report::valve_residuals(std::move(recordings), document->analysis.baseline.model);
+  const auto reference = reference_to_show(service, document->analysis);
+  if (!reference) return tl::unexpected(reference.error());
+  const Baseline& baseline = document->analysis.baseline;
+  const auto known = report::tests_taken_off(baseline, *reference ? &**reference : nullptr);
+  ValveResiduals residuals = report::valve_residuals(std::move(recordings), baseline.model, known);
   service.residuals->keep(row->id, residuals);
   return residuals;
 }

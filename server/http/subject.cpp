@@ -51,13 +51,14 @@ Result<AnalysisRow> analysis_asked_for(Service& service, const SubmissionRow& su
   return fail("not_finished", fmt::format("the analysis is not finished: the job is '{}'", state));
 }
 
-Result<std::optional<Reference>> reference_left(Service& service, const Analysis& analysis) {
+Result<std::optional<Reference>> reference_to_show(Service& service, const Analysis& analysis) {
   const auto leaves = [](const RecordingSummary& recording) {
     return std::any_of(recording.quality.begin(), recording.quality.end(),
                        [](const QualityItem& item) { return item.code == "outside_reference"; });
   };
   const auto& compared = analysis.baseline.reference;
-  if (!compared || std::none_of(analysis.recordings.begin(), analysis.recordings.end(), leaves)) return std::nullopt;
+  const bool is_left = std::any_of(analysis.recordings.begin(), analysis.recordings.end(), leaves);
+  if (!compared || !(is_left || analysis.baseline.on_known_tests)) return std::nullopt;
   const auto stored = service.store.document(DocumentKind::kReference, compared->valve_type, compared->version);
   if (!stored && stored.error().code == "not_found") return std::nullopt;
   if (!stored) return tl::unexpected(stored.error());

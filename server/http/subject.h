@@ -18,9 +18,10 @@ Result<RecordingRow> recording_asked_for(Service& service, const Request& reques
 /// The newest analysis. Errors `not_finished` while there is none yet, or the problem that ended the job.
 Result<AnalysisRow> analysis_asked_for(Service& service, const SubmissionRow& submission);
 
-/// The reference that an analysis was made with, where a recording of it leaves the reference's range: nothing else
-/// needs to know it. Empty where the reference is no longer there as well.
-Result<std::optional<Reference>> reference_left(Service& service, const Analysis& analysis);
+/// The reference that an analysis was made with, where showing it needs that: where a recording of it leaves the
+/// reference's range, or what good valves leave on its tests was taken off. Empty where the reference is no longer
+/// there as well.
+Result<std::optional<Reference>> reference_to_show(Service& service, const Analysis& analysis);
 
 /// What a stored analysis says. Errors `not_available` where it is of a format that this version cannot read.
 Result<AnalysisDocument> stored_analysis(Service& service, const AnalysisRow& row);

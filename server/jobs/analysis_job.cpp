@@ -6,6 +6,7 @@
 
 #include "server/jobs/analyze_session.h"
 #include "server/jobs/reading_child.h"
+#include "server/report/curves.h"
 #include "server/report/valve_residuals.h"
 #include "server/wire/discrepancy_json.h"
 #include "server/wire/json_fields.h"
@@ -93,7 +94,9 @@ std::string residuals_of(SessionAnalysis& session) {
   const auto& found = session.analysis.discrepancy;
   if (!found) return "";
   if (found->conclusion != Conclusion::kUnexplained && found->conclusion != Conclusion::kNone) return "";
-  return residuals_to_json(report::valve_residuals(std::move(session.recordings), session.analysis.baseline.model));
+  const Baseline& baseline = session.analysis.baseline;
+  const auto known = report::tests_taken_off(baseline, baseline.reference ? &*baseline.reference : nullptr);
+  return residuals_to_json(report::valve_residuals(std::move(session.recordings), baseline.model, known));
 }
 
 }  // namespace

@@ -4,8 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 
+#include "core/analysis/known_tests.h"
 #include "core/analysis/outside_reference.h"
 #include "core/mechanisms/simulate_extended.h"
 #include "server/report/downsample.h"
@@ -47,7 +49,19 @@ std::vector<double> difference(std::vector<double> a, const std::vector<double>&
 
 }  // namespace
 
-Result<std::vector<double>> free_run(const Model& model, const Recording& recording) {
+std::span<const KnownTest> tests_taken_off(const Baseline& baseline, const Reference* reference) {
+  if (!baseline.on_known_tests || !reference || reference->on_known_tests.empty()) return {};
+  return reference->on_known_tests.front().tests;
+}
+
+Result<std::vector<double>> free_run(const Model& model, const Recording& recording, std::span<const KnownTest> known) {
+  if (const std::vector<double> common = left_in_common(recording, known); !common.empty()) {
+    Recording without = recording;
+    take_off(common, without);
+    auto run = free_run(model, without);
+    if (run) std::transform(common.begin(), common.end(), run->begin(), run->begin(), std::plus<>());
+    return run;
+  }
   const InitialState estimated{.kind = InitialState::Kind::kMeasured, .samples = recording.samples()};
   auto fitted = simulate_extended(model, recording, estimated);
   auto steady = simulate_extended(model, recording, InitialState{});
@@ -109,17 +123,17 @@ std::vector<Stretch> recording_stretches(const Recording& recording, const Refer
 }
 
 Result<std::vector<Panel>> recording_panels(const Recording& recording, const Model& baseline, const Model* extended,
-                                            std::size_t points) {
+                                            std::size_t points, std::span<const KnownTest> known) {
   const Pen pen{.time_s = grid_times(recording), .points = points};
   const std::vector<double> measured = measured_output(recording);
-  const auto simulated = free_run(baseline, recording);
+  const auto simulated = free_run(baseline, recording, known);
   if (!simulated) return tl::unexpected(simulated.error());
   Panel output{.title = with_unit("Output", recording.output.unit), .height = 200, .curves = {}};
   Panel residual{.title = with_unit("Residual", recording.output.unit), .height = 130, .curves = {}};
   output.curves = {pen.draw("measured", Ink::kMeasured, measured), pen.draw("simulated", Ink::kSimulated, *simulated)};
   residual.curves = {pen.draw("of the simulation", Ink::kSimulated, difference(measured, *simulated))};
   if (extended) {
-    const auto run = free_run(*extended, recording);
+    const auto run = free_run(*extended, recording, known);
     if (!run) return tl::unexpected(run.error());
     output.curves.push_back(pen.draw("extended simulation", Ink::kExtended, *run));
     residual.curves.push_back(pen.draw("of the extended simulation", Ink::kExtended, difference(measured, *run)));

@@ -1,8 +1,10 @@
 #pragma once
 
+#include <span>
 #include <string>
 #include <vector>
 
+#include "core/analysis/analysis.h"
 #include "core/model/model.h"
 #include "core/model/reference.h"
 #include "core/recording/quality.h"
@@ -18,8 +20,14 @@ namespace valvetriage::report {
 /// recording that begins at rest hardly determines a fast state: where the steady state at the first input fits better,
 /// it is the estimate.
 ///
+/// known   tests on which what good valves leave belongs to the simulation: tests_taken_off
 /// Errors  those of simulate_extended
-Result<std::vector<double>> free_run(const Model& model, const Recording& recording);
+Result<std::vector<double>> free_run(const Model& model, const Recording& recording,
+                                     std::span<const KnownTest> known = {});
+
+/// Of the reference that a baseline was compared with, the tests on which what good valves leave in common was taken
+/// off of the valve; none where nothing was. `reference` may be null.
+std::span<const KnownTest> tests_taken_off(const Baseline& baseline, const Reference* reference);
 
 /// The stamps of the recording's uniform grid, in seconds.
 std::vector<double> grid_times(const Recording& recording);
@@ -41,7 +49,8 @@ std::vector<Stretch> recording_stretches(const Recording& recording, const Refer
 /// Output with both simulations, residuals and input, each reduced to `points` points so that every peak stays.
 ///
 /// extended  null: there is no extended model to show
+/// known     as in free_run
 Result<std::vector<Panel>> recording_panels(const Recording& recording, const Model& baseline, const Model* extended,
-                                            std::size_t points);
+                                            std::size_t points, std::span<const KnownTest> known);
 
 }  // namespace valvetriage::report

@@ -275,9 +275,13 @@ std::string gain_sentence(const Discrepancy& discrepancy, const std::string& uni
   return text + ".";
 }
 
-std::string next_test_sentence(const Discrepancy& discrepancy) {
+std::string next_test_sentence(const Analysis& analysis) {
+  const Discrepancy& discrepancy = *analysis.discrepancy;
   if (!discrepancy.next_test) {
     if (discrepancy.conclusion != Conclusion::kAmbiguous) return {};
+    if (analysis.baseline.on_known_tests) {
+      return "No test is asked for: of other tests than these it is not known what good valves leave.";
+    }
     return "No test that is known here is expected to settle it.";
   }
   const NextTest& test = *discrepancy.next_test;
@@ -389,7 +393,7 @@ Summary summarise(const Analysis& analysis) {
   if (!beside.empty()) summary.fault += (summary.fault.empty() ? "" : " ") + beside;
   summary.gain = gain_sentence(discrepancy, analysis.baseline.model.output_unit);
   summary.upper_limits = upper_limits(discrepancy);
-  summary.next_test = next_test_sentence(discrepancy);
+  summary.next_test = next_test_sentence(analysis);
   return summary;
 }
 

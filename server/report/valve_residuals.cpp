@@ -8,12 +8,13 @@
 
 namespace valvetriage::report {
 
-ValveResiduals valve_residuals(std::vector<Recording> recordings, const Model& model) {
+ValveResiduals valve_residuals(std::vector<Recording> recordings, const Model& model,
+                               std::span<const KnownTest> known) {
   std::stable_sort(recordings.begin(), recordings.end(),
                    [](const Recording& a, const Recording& b) { return a.name < b.name; });
   ValveResiduals residuals;
   for (const Recording& recording : recordings) {
-    const auto simulated = free_run(model, recording);
+    const auto simulated = free_run(model, recording, known);
     if (!simulated) continue;
     const double duration_s = static_cast<double>(recording.samples()) * recording.sample_period_s;
     std::string key = fmt::format("{}, {:.1f} s", to_string(recording.test), duration_s);

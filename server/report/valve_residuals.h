@@ -1,10 +1,12 @@
 #pragma once
 
 #include <map>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "core/model/model.h"
+#include "core/model/reference.h"
 #include "core/recording/recording.h"
 #include "core/residual/residual_signature.h"
 
@@ -19,7 +21,9 @@ inline constexpr std::size_t kResidualBins = 64;
 
 /// What the model's free run leaves of one valve's recordings. A recording that cannot be simulated is left out.
 ///
-/// Cost  a simulation per recording
-ValveResiduals valve_residuals(std::vector<Recording> recordings, const Model& model);
+/// known  as in free_run
+/// Cost   a simulation per recording
+ValveResiduals valve_residuals(std::vector<Recording> recordings, const Model& model,
+                               std::span<const KnownTest> known = {});
 
 }  // namespace valvetriage::report

@@ -71,6 +71,7 @@ Json to_json(const Baseline& baseline) {
                      {"version", baseline.reference->version},
                      {"sha256", baseline.reference->sha256},
                      {"valves", baseline.reference->valves}};
+    if (baseline.on_known_tests) reference["on_known_tests"] = true;
   }
   return Json{{"kind", to_string(baseline.kind)},
               {"reason", baseline.reason},
@@ -171,6 +172,7 @@ Baseline baseline_from_json(JsonFields fields) {
     baseline.reference->version = reference.small_count("version");
     baseline.reference->sha256 = reference.text("sha256");
     baseline.reference->valves = reference.small_count("valves");
+    baseline.on_known_tests = reference.has("on_known_tests") && reference.flag("on_known_tests");
   }
   baseline.model = model_from_json(fields.object("model"));
   return baseline;

@@ -377,6 +377,7 @@ TEST(Analyze, WhatSimulationsOfGoodValvesLeaveInCommonIsNoFaultOfAValveInTheSame
   const Analysis same = analysed(healthy, {.reference = *learned});
   EXPECT_LT(same.simulation.rmse, 1.2 * kNoise_psi);
   EXPECT_EQ(same.discrepancy->conclusion, Conclusion::kNone);
+  EXPECT_TRUE(same.baseline.on_known_tests);
   EXPECT_NE(same.baseline.reason.find("is taken off"), std::string::npos) << same.baseline.reason;
 
   auto offset = healthy;
@@ -386,11 +387,13 @@ TEST(Analyze, WhatSimulationsOfGoodValvesLeaveInCommonIsNoFaultOfAValveInTheSame
   const Analysis faulty = analysed(offset, {.reference = *learned});
   ASSERT_FALSE(faulty.discrepancy->causes.empty());
   EXPECT_EQ(faulty.discrepancy->causes.front().cause, "sensor_offset");
+  EXPECT_FALSE(faulty.discrepancy->next_test);  // it would be another test
 
   // Another test: as it was without.
   auto more = healthy;
   more.push_back(with_a_tail({test::step_to({}, 1.5, kNoise_psi, 950)}, kTail_psi).front());
   const Analysis other = analysed(more, {.reference = *learned});
+  EXPECT_FALSE(other.baseline.on_known_tests);
   EXPECT_EQ(other.baseline.reason.find("is taken off"), std::string::npos) << other.baseline.reason;
   EXPECT_GT(other.simulation.rmse, 1.3 * kNoise_psi);
 }

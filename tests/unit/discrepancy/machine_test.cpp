@@ -495,10 +495,11 @@ TEST(Machine, WhatASideChannelAddsIsFoundInWhateverUnitTheChannelIs) {
   }
   // One that stands still is not known from an offset.
   recorded.side = {Channel{.name = "room", .values = Signal(kSamples, 24)}};
-  for (const Candidate& candidate : diagnosis_of(recorded).discrepancy.candidates) {
-    if (candidate.cause != "side_input") continue;
-    EXPECT_EQ(candidate.reason, "no side channel that moves was recorded");
-  }
+  const std::vector<Candidate> candidates = diagnosis_of(recorded).discrepancy.candidates;
+  const auto side = std::find_if(candidates.begin(), candidates.end(),
+                                 [](const Candidate& candidate) { return candidate.cause == "side_input"; });
+  ASSERT_NE(side, candidates.end());
+  EXPECT_EQ(side->reason, "no side channel that moves was recorded");
 }
 
 TEST(Machine, AOneSidedLimitBetweenTwoLagsIsASaturation) {

@@ -255,7 +255,10 @@ inline Analysis analysis() {
   a.baseline.kind = small(0, 1) ? BaselineKind::kReference : BaselineKind::kSelf;
   a.baseline.reason = text();
   a.baseline.model = model(small(0, 1) == 1);
-  if (a.baseline.kind == BaselineKind::kReference) a.baseline.reference = reference();
+  if (a.baseline.kind == BaselineKind::kReference) {
+    a.baseline.reference = reference();
+    a.baseline.on_known_tests = !a.baseline.reference->on_known_tests.empty();
+  }
   a.simulation.rmse = number();
   a.simulation.fit_percent = number();
   a.simulation.noise_floor = number();
