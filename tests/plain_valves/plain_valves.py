@@ -14,6 +14,10 @@ NOISE_PSI = 0.35
 RANGE_PSI = 220.0
 MEAN_TEMPERATURE_C = 25.0
 PLAYS = 6
+# A chamber behind a restrictor: the flow goes with this power of the drop, and in proportion to small ones.
+RESTRICTOR_POWER = 0.65
+RESTRICTOR_LAMINAR_PSI = 4.0
+RESTRICTOR_TIME_S, RESTRICTOR_DROP_PSI = 0.05, 25.0
 _WIDTHS = np.linspace(0.1, 1, PLAYS)
 
 
@@ -121,10 +125,13 @@ def steady_map():
 
 
 class Valves:
-    """Valves of one type with their faults, each with parameters of its own."""
+    """Valves of one type with their faults, each with parameters of its own.
 
-    def __init__(self, faults, rng):
-        self.rng, self.count = rng, len(faults)
+    restrictor  the reading fills through one, where it else follows linear dynamics of second order
+    """
+
+    def __init__(self, faults, rng, restrictor=False):
+        self.rng, self.count, self.restrictor = rng, len(faults), restrictor
         for field in dataclasses.fields(Fault):
             if field.name != "cause":
                 setattr(self, field.name, np.array([getattr(fault, field.name) for fault in faults], float))
@@ -185,8 +192,13 @@ class Valves:
                 psi, mode, rate, mode_rate = asked.copy(), asked.copy(), np.zeros(n), np.zeros(n)
             force = asked - psi - self.cubic * (psi / RANGE_PSI) ** 3 * RANGE_PSI
             force -= self.loss * np.sqrt(np.maximum(psi, 0) * RANGE_PSI)
-            natural = self.natural_rad_s / np.where(asked < psi, self.fall_to_rise, 1)
-            rate += STEP_S * (natural ** 2 * force - 2 * self.damping * natural * rate)
+            if self.restrictor:
+                drop = np.hypot(force, RESTRICTOR_LAMINAR_PSI) / RESTRICTOR_DROP_PSI
+                rate = force / RESTRICTOR_TIME_S * drop ** (RESTRICTOR_POWER - 1)
+                rate *= self.natural_rad_s / (2 * np.pi * 5) / np.where(asked < psi, self.fall_to_rise, 1)
+            else:
+                natural = self.natural_rad_s / np.where(asked < psi, self.fall_to_rise, 1)
+                rate += STEP_S * (natural ** 2 * force - 2 * self.damping * natural * rate)
             psi = psi + STEP_S * rate
             omega = 2 * np.pi * self.resonance_hz
             mode_rate += STEP_S * (omega ** 2 * (psi - mode) - 2 * self.resonance_damping * omega * mode_rate)
@@ -211,9 +223,9 @@ class _State:
         self.loops = np.tile(rest_a, (PLAYS, 1))
 
 
-def write(folder, serials, faults, rng):
+def write(folder, serials, faults, rng, restrictor=False):
     """One folder of recordings for each valve."""
-    valves = Valves(faults, rng)
+    valves = Valves(faults, rng, restrictor)
     for name, (test, current) in commands().items():
         pressure, temperature = valves.play(name, current)
         time = np.arange(len(current)) / RATE_HZ

@@ -15,12 +15,12 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 
-constexpr Index kParameters = static_cast<Index>(kValveParameters.size());
-constexpr Index kFrequency = 0, kDamping = 1, kDelay = 2, kKnots = 20;
+constexpr Index kFittedParameters = static_cast<Index>(kValveParameters.size());
+constexpr Index kFrequency = 0, kDamping = 1, kDelay = 2, kEvenKnots = 20;
 
-std::vector<double> knots() {
+std::vector<double> even_knots() {
   std::vector<double> inputs;
-  for (Index k = 0; k < kKnots; ++k) inputs.push_back(1.0 + 0.05 * static_cast<double>(k));
+  for (Index k = 0; k < kEvenKnots; ++k) inputs.push_back(1.0 + 0.05 * static_cast<double>(k));
   return inputs;
 }
 
@@ -32,16 +32,17 @@ struct Along {
 /// Valves that differ by 5 % in frequency and damping, and by 0.4 ms of delay beside what goes with these.
 MatrixXd valves(Index count, const Along& along, std::mt19937_64& random) {
   std::normal_distribution<double> normal;
-  MatrixXd vectors(kParameters + kKnots, count);
+  MatrixXd vectors(kFittedParameters + kEvenKnots, count);
   for (Index i = 0; i < count; ++i) {
-    for (Index j = 0; j < kParameters; ++j) vectors(j, i) = 1 + 0.05 * normal(random);
+    for (Index j = 0; j < kFittedParameters; ++j) vectors(j, i) = 1 + 0.05 * normal(random);
     const double frequency = 0.05 * normal(random), damping = 0.05 * normal(random);
     vectors(kFrequency, i) = 5.6 + frequency;
     vectors(kDamping, i) = -0.1 + damping;
     vectors(kDelay, i) = 0.005 + 0.0004 * normal(random) + along.frequency_s * frequency + along.damping_s * damping;
     const double gain = 1 + 0.01 * normal(random);
-    for (Index k = 0; k < kKnots; ++k) {
-      vectors(kParameters + k, i) = 150 * gain * knots()[static_cast<std::size_t>(k)] + 0.05 * normal(random);
+    for (Index k = 0; k < kEvenKnots; ++k) {
+      vectors(kFittedParameters + k, i) =
+          150 * gain * even_knots()[static_cast<std::size_t>(k)] + 0.05 * normal(random);
     }
   }
   return vectors;
@@ -54,12 +55,12 @@ struct Learned {
 
 Learned learned_from(Index count, const Along& along, Index left_out = 0) {
   constexpr int kDraws = 40, kFresh = 10;
-  const MatrixXd no_errors = MatrixXd::Zero(kParameters + kKnots, kParameters + kKnots);
+  const MatrixXd no_errors = MatrixXd::Zero(kFittedParameters + kEvenKnots, kFittedParameters + kEvenKnots);
   std::mt19937_64 random(17);
   Learned learned;
   for (int draw = 0; draw < kDraws; ++draw) {
     const MatrixXd good = valves(count, along, random);
-    const MatrixXd covariance = valve_covariance(good, no_errors, knots(), 1, left_out);
+    const MatrixXd covariance = valve_covariance(good, no_errors, even_knots(), 1, left_out);
     EXPECT_EQ(Eigen::LLT<MatrixXd>(covariance).info(), Eigen::Success);
     const MatrixXd precision = covariance.inverse();
     const double variance = 1 / precision(kDelay, kDelay);
