@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <cstdint>
 #include <functional>
 #include <limits>
 #include <numbers>
@@ -20,7 +21,9 @@ constexpr double kSameInput = 0.02;    // of its standard deviation
 constexpr double kMeter = 0.003;       // of the largest current: what a meter of it is uncertain by
 constexpr double kSamePeriod = 1e-3;   // of the sampling period
 constexpr double kCovered = 0.95;      // of a recording's samples, by the test it is of
-constexpr double kBesideJumps = 0.02;  // of a recording's samples: those that a jump falls into
+constexpr double kSameMovement = 0.5;  // of the larger deviation, by which two may differ
+constexpr double kJump = 5;            // tolerances in one sample
+constexpr double kClearlyCloser = 0.9;
 // A reference is read and written whole: no more digits than a stand's meters show.
 constexpr double kInputSteps_per_a = 1e6, kResidualSteps_per_psi = 1e4;
 
@@ -29,56 +32,106 @@ std::vector<double> rounded(std::vector<double> values, double steps) {
   return values;
 }
 
-/// How far two inputs may lie apart [A].
-double tolerance_of(std::span<const double> input) {
+double deviation_of(std::span<const double> input) {
+  if (input.empty()) return 0;
   const Eigen::Map<const VectorXd> all(input.data(), std::ssize(input));
-  const double deviation = std::sqrt((all.array() - all.mean()).square().mean());
-  return std::max(kSameInput * deviation, kMeter * all.cwiseAbs().maxCoeff());
+  return std::sqrt((all.array() - all.mean()).square().mean());
 }
 
-/// Squares of the differences of the inputs at samples that are valid, sample i of the recording beside i + shift of
-/// the test; none where they share too few.
-std::vector<double> squares_apart(const Recording& recording, std::span<const double> test, int shift) {
+std::vector<double> valid_input(const Recording& recording) {
+  std::vector<double> input;
+  for (std::size_t i = 0; i < recording.samples(); ++i) {
+    if (recording.is_valid(i)) input.push_back(recording.input.values[i]);
+  }
+  return input;
+}
+
+/// How an input moves [A].
+struct Movement {
+  double deviation = 0;
+  double tolerance = 0;               ///< by which another may lie apart from it
+  std::vector<std::uint8_t> is_jump;  ///< samples that a jump may fall into, a meter's sample sooner or later
+};
+
+Movement movement_of(std::span<const double> input) {
+  const Eigen::Map<const VectorXd> all(input.data(), std::ssize(input));
+  Movement movement{
+      .deviation = deviation_of(input), .tolerance = 0, .is_jump = std::vector<std::uint8_t>(input.size())};
+  movement.tolerance = std::max(kSameInput * movement.deviation, kMeter * all.cwiseAbs().maxCoeff());
+  for (std::size_t i = 1; i < input.size(); ++i) {
+    if (std::abs(input[i] - input[i - 1]) <= kJump * movement.tolerance) continue;
+    for (std::size_t j = i - 1; j < std::min(i + 2, input.size()); ++j) movement.is_jump[j] = 1;
+  }
+  return movement;
+}
+
+/// Of an input beside a test's, sample i beside sample i + shift of that, where the recording is valid.
+struct Apart {
+  double mean_square = std::numeric_limits<double>::infinity();
+  double beside_jumps = std::numeric_limits<double>::infinity();  ///< the same without samples that a jump falls into
+};
+
+Apart apart_at(const Recording& recording, std::span<const double> test, const Movement& movement, int shift) {
   const std::vector<double>& input = recording.input.values;
   const auto first = static_cast<std::size_t>(std::max(0, -shift));
   const auto end = static_cast<std::size_t>(std::clamp<std::ptrdiff_t>(std::ssize(test) - shift, 0, std::ssize(input)));
-  std::vector<double> squares;
-  if (end <= first || static_cast<double>(end - first) < kCovered * static_cast<double>(input.size())) return squares;
-  squares.reserve(end - first);
+  if (end <= first || static_cast<double>(end - first) < kCovered * static_cast<double>(input.size())) return {};
+  double all = 0, still = 0, of_all = 0, of_still = 0;
   for (std::size_t i = first; i < end; ++i) {
-    const double apart = input[i] - test[static_cast<std::size_t>(static_cast<std::ptrdiff_t>(i) + shift)];
-    if (recording.is_valid(i)) squares.push_back(apart * apart);
+    if (!recording.is_valid(i)) continue;
+    const auto there = static_cast<std::size_t>(static_cast<std::ptrdiff_t>(i) + shift);
+    const double square = std::pow(input[i] - test[there], 2);
+    all += square;
+    ++of_all;
+    if (movement.is_jump[there]) continue;
+    still += square;
+    ++of_still;
   }
-  return squares;
+  // An input that is all jumps is told by them.
+  if (2 * of_still < of_all) return {all / of_all, all / of_all};
+  return of_all > 0 ? Apart{all / of_all, still / of_still} : Apart{};
 }
 
-double mean_of(std::span<const double> values) {
-  double sum = 0;
-  for (const double value : values) sum += value;
-  return sum / static_cast<double>(values.size());
+/// Where a recording stands in a test: its sample i is sample i + shift of that.
+struct Place {
+  int shift = 0;
+  double mean_square = 0;  ///< of what the inputs lie apart
+};
+
+/// None where it is of another test.
+std::optional<Place> place_in(const Recording& recording, const KnownTest& test) {
+  if (std::abs(recording.sample_period_s - test.sample_period_s) > kSamePeriod * test.sample_period_s) {
+    return std::nullopt;
+  }
+  const Movement movement = movement_of(test.input);
+  const double own = deviation_of(valid_input(recording));
+  if (std::abs(own - movement.deviation) > kSameMovement * std::max(own, movement.deviation)) return std::nullopt;
+  Place place;
+  Apart closest;
+  // The least shift of several that are as good as the best: a hold has none.
+  for (int distance = 0; distance <= kMostShift; ++distance) {
+    for (const int shift : {-distance, distance}) {
+      const Apart apart = apart_at(recording, test.input, movement, shift);
+      if (!(apart.mean_square < kClearlyCloser * closest.mean_square)) continue;
+      closest = apart;
+      place = {shift, apart.mean_square};
+    }
+  }
+  const bool is_same = closest.beside_jumps <= movement.tolerance * movement.tolerance;
+  return is_same ? std::optional(place) : std::nullopt;
 }
 
-/// Where a recording stands in a test: its sample i is sample i + shift of that. None where it is of another.
-std::optional<int> shift_into(const Recording& recording, double period_s, std::span<const double> test) {
-  if (std::abs(recording.sample_period_s - period_s) > kSamePeriod * period_s) return std::nullopt;
-  std::optional<int> closest;
-  double least = std::numeric_limits<double>::infinity();
-  for (int shift = -kMostShift; shift <= kMostShift; ++shift) {
-    const std::vector<double> squares = squares_apart(recording, test, shift);
-    if (squares.empty()) continue;
-    const double mean = mean_of(squares);
-    // The least shift of several that are as close.
-    const bool is_closer = mean < least || (mean == least && std::abs(shift) < std::abs(*closest));
-    if (!is_closer) continue;
-    least = mean;
-    closest = shift;
+/// The last digit of a reading; 0 of one that never moves.
+double smallest_step(const Recording& recording) {
+  double smallest = std::numeric_limits<double>::infinity();
+  std::optional<double> before;
+  for (std::size_t i = 0; i < recording.samples(); ++i) {
+    if (!recording.is_valid(i)) continue;
+    const double here = recording.output.values[i];
+    if (before && here != *before) smallest = std::min(smallest, std::abs(here - *before));
+    before = here;
   }
-  if (!closest) return std::nullopt;
-  std::vector<double> squares = squares_apart(recording, test, *closest);
-  const auto kept = static_cast<std::ptrdiff_t>(std::ceil((1 - kBesideJumps) * static_cast<double>(squares.size())));
-  std::nth_element(squares.begin(), squares.begin() + kept - 1, squares.end());
-  const double distance = std::sqrt(mean_of(std::span(squares).first(static_cast<std::size_t>(kept))));
-  return distance <= tolerance_of(test) ? closest : std::nullopt;
+  return std::isfinite(smallest) ? smallest : 0;
 }
 
 /// Orthonormal Haar transform in place, and back: a power of two of samples, the mean first, then from coarse to fine.
@@ -123,17 +176,17 @@ MatrixXd haar_of(const MatrixXd& left) {
 
 /// What a valve leaves of a test, the mean of its recordings of it; without a number where none is valid. Empty where
 /// it was not put through it.
-VectorXd left_by(const FollowedValve& valve, const Recording& pattern, double& noise_square) {
-  VectorXd sum = VectorXd::Zero(std::ssize(pattern.input.values)), known = sum;
+VectorXd left_by(const FollowedValve& valve, const KnownTest& pattern, double& noise_square) {
+  VectorXd sum = VectorXd::Zero(std::ssize(pattern.input)), known = sum;
   int recordings = 0;
   for (std::size_t r = 0; r < valve.recordings.size(); ++r) {
     const Recording& recording = valve.recordings[r];
-    const auto shift = shift_into(recording, pattern.sample_period_s, pattern.input.values);
-    if (!shift) continue;
+    const auto place = place_in(recording, pattern);
+    if (!place) continue;
     ++recordings;
     noise_square += std::pow(noise_floor(recording).rms, 2);
     for (std::size_t i = 0; i < recording.samples(); ++i) {
-      const auto there = static_cast<std::ptrdiff_t>(i) + *shift;
+      const auto there = static_cast<std::ptrdiff_t>(i) + place->shift;
       if (there < 0 || there >= sum.size() || !recording.is_valid(i)) continue;
       sum(there) += recording.output.values[i] - valve.simulated[r][i];
       known(there) += 1;
@@ -163,12 +216,13 @@ VectorXd mean_that_stands_out(const MatrixXd& coefficients, double noise_square)
 
 CommonResiduals::CommonResiduals(std::span<const FollowedValve> valves) {
   if (valves.size() < 2) return;
-  for (const Recording& pattern : valves.front().recordings) {
+  for (const Recording& recording : valves.front().recordings) {
+    const KnownTest pattern{recording.sample_period_s, rounded(recording.input.values, kInputSteps_per_a), {}};
     const bool is_known = std::any_of(tests_.begin(), tests_.end(), [&](const Test& test) {
-      return shift_into(pattern, test.sample_period_s, test.input).has_value();
+      return place_in(recording, {test.sample_period_s, test.input, {}}).has_value();
     });
     if (is_known) continue;
-    MatrixXd left(static_cast<Index>(pattern.samples()), std::ssize(valves));
+    MatrixXd left(std::ssize(pattern.input), std::ssize(valves));
     double noise_square = 0;
     std::size_t played = 0;
     for (; played < valves.size(); ++played) {
@@ -179,8 +233,7 @@ CommonResiduals::CommonResiduals(std::span<const FollowedValve> valves) {
       noise_square += of_valve / static_cast<double>(valves.size());
     }
     if (played < valves.size()) continue;
-    tests_.push_back(
-        {pattern.sample_period_s, rounded(pattern.input.values, kInputSteps_per_a), haar_of(left), noise_square});
+    tests_.push_back({pattern.sample_period_s, pattern.input, haar_of(left), noise_square});
   }
 }
 
@@ -202,17 +255,27 @@ std::vector<KnownTest> CommonResiduals::without(std::optional<std::size_t> valve
 }
 
 std::vector<double> left_in_common(const Recording& recording, std::span<const KnownTest> tests) {
+  if (tests.empty()) return {};
+  std::vector<double> left(recording.samples());
+  // Of a reading that never moves, or of none, nothing is a valve's.
+  const double digit = smallest_step(recording);
+  if (digit == 0) return left;
+  const KnownTest* closest = nullptr;
+  Place place;
   for (const KnownTest& test : tests) {
-    const auto shift = shift_into(recording, test.sample_period_s, test.input);
-    if (!shift) continue;
-    std::vector<double> left(recording.samples());
-    for (std::size_t i = 0; i < left.size(); ++i) {
-      const auto there = static_cast<std::ptrdiff_t>(i) + *shift;
-      if (there >= 0 && there < std::ssize(test.residual)) left[i] = test.residual[static_cast<std::size_t>(there)];
-    }
-    return left;
+    const auto here = place_in(recording, test);
+    if (!here || (closest && place.mean_square <= here->mean_square)) continue;
+    closest = &test;
+    place = *here;
   }
-  return {};
+  if (!closest) return {};
+  const auto last = std::ssize(closest->residual) - 1;
+  for (std::size_t i = 0; i < left.size(); ++i) {
+    const auto there = std::clamp<std::ptrdiff_t>(static_cast<std::ptrdiff_t>(i) + place.shift, 0, last);
+    // To the reading's own digits: what is left of it stays as coarse as it was.
+    left[i] = std::round(closest->residual[static_cast<std::size_t>(there)] / digit) * digit;
+  }
+  return left;
 }
 
 std::optional<std::vector<std::vector<double>>> all_left_in_common(std::span<const Recording> recordings,

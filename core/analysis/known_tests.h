@@ -30,7 +30,7 @@ class CommonResiduals {
 
   /// Of all valves.
   std::vector<KnownTest> of_all() const { return without(std::nullopt); }
-  /// Of all but one: what is expected of that one. Cost O(samples)
+  /// Of all but one: what is expected of that one. Cost O(samples · valves)
   std::vector<KnownTest> of_others(std::size_t valve) const { return without(valve); }
 
  private:
@@ -50,7 +50,8 @@ inline constexpr int kMostShift = 50;
 
 /// What good valves leave in a recording [psi], one value a sample; empty where it is of no known test: the same input,
 /// to a fiftieth of its deviation or what a meter of current is uncertain by, on the same clock, begun up to kMostShift
-/// samples sooner or later. Samples that are not valid and a few that jumps may fall into do not count.
+/// samples sooner or later. Samples that are not valid and those that a jump may fall into do not count. To the last
+/// digit of the reading, and none of a reading that never moves.
 std::vector<double> left_in_common(const Recording& recording, std::span<const KnownTest> tests);
 
 /// The same of each of several; none unless all of them are of known tests.

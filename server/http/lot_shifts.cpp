@@ -1,7 +1,9 @@
 #include "server/http/lot_shifts.h"
 
 #include <algorithm>
+#include <compare>
 #include <map>
+#include <string>
 #include <utility>
 
 #include "core/classify/shared_shift.h"
