@@ -362,7 +362,7 @@ TEST(Analyze, WhatSimulationsOfGoodValvesLeaveInCommonIsNoFaultOfAValveInTheSame
   std::vector<ValveRecordings> good;
   std::mt19937 random(6);
   std::normal_distribution<double> normal;
-  for (unsigned i = 0; i < 4; ++i) {
+  for (unsigned i = 0; i < 5; ++i) {
     test::MadeValve valve;
     valve.parameters.volume.time_constant_s *= std::exp(0.03 * normal(random));
     good.push_back(
@@ -372,6 +372,10 @@ TEST(Analyze, WhatSimulationsOfGoodValvesLeaveInCommonIsNoFaultOfAValveInTheSame
   ASSERT_TRUE(learned.has_value()) << learned.error().message;
   ASSERT_EQ(learned->on_known_tests.size(), 1u);
   EXPECT_TRUE(reference().on_known_tests.empty());  // of valves that leave their noise
+  // Of fewer it is not known what all have in common.
+  const auto of_four = learn_reference(std::span(good).first(4), "type-1");
+  ASSERT_TRUE(of_four.has_value()) << of_four.error().message;
+  EXPECT_TRUE(of_four->on_known_tests.empty());
 
   const auto healthy = with_a_tail(test::session({}, kNoise_psi, 900), kTail_psi);
   const Analysis same = analysed(healthy, {.reference = *learned});
