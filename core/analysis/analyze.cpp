@@ -198,6 +198,16 @@ bool reads_as_good_valves(std::span<const Recording> recordings, const Reference
   return high - low < kMostTimes * usual && usual < kMostTimes * (high - low);
 }
 
+void put_back_into_all(std::span<const std::vector<double>> common, FreeRuns& runs) {
+  const auto put_back_into = [&](FreeRunsOf& simulated) {
+    if (simulated.empty()) return;
+    for (std::size_t r = 0; r < common.size(); ++r) put_back(common[r], simulated[r]);
+  };
+  put_back_into(runs.baseline);
+  put_back_into(runs.extended);
+  for (auto& without : runs.without_cause) put_back_into(without);
+}
+
 Result<FreeRuns> run_reference(std::span<const Recording> recordings, const StageReport& report, Analysis& analysis) {
   const Reference& reference = *analysis.baseline.reference;
   if (const auto current = require_current(reference); !current) return tl::unexpected(current.error());
@@ -214,8 +224,9 @@ Result<FreeRuns> run_reference(std::span<const Recording> recordings, const Stag
   std::vector<std::vector<double>> common;
   const Reference* compared = &reference;
   for (const OnKnownTests& known : reference.on_known_tests) {
+    if (!require_current(known.reference) || !reads_as_good_valves(kept, reference)) continue;
     auto left = all_left_in_common(kept, known.tests);
-    if (!left || !require_current(known.reference) || !reads_as_good_valves(kept, reference)) continue;
+    if (!left) continue;
     common = std::move(*left);
     for (std::size_t r = 0; r < kept.size(); ++r) take_off(common[r], kept[r]);
     compared = &known.reference;
@@ -246,9 +257,7 @@ Result<FreeRuns> run_reference(std::span<const Recording> recordings, const Stag
   auto baseline = on_all_samples(part, std::move(fit->simulated), analysis.baseline.model, recordings);
   if (!baseline) return tl::unexpected(baseline.error());
   runs.baseline = std::move(*baseline);
-  put_back(common, runs.baseline);
-  put_back(common, runs.extended);
-  for (auto& without : runs.without_cause) put_back(common, without);
+  put_back_into_all(common, runs);
   for (const Recording& recording : recordings) {
     auto population = simulate_extended(reference.model, recording, InitialState{});
     if (!population) return tl::unexpected(population.error());

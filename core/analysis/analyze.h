@@ -17,7 +17,8 @@ struct AnalysisOptions {
   StageReport report{};                  ///< told each stage as it begins; nobody where empty
 };
 
-/// Analyses one valve's recordings together: baseline, free-run simulation, residual figures by level, verdict.
+/// Analyses one valve's recordings together: baseline, free-run simulation, residual figures by level, what the
+/// simulation gets wrong with its causes and the model they extend, verdict.
 ///
 /// Reference baseline: the valve's own parameters are re-estimated with the population as prior and give `simulation`;
 /// Eq 20 and through it the verdict use the population mean. Every reason for a null verdict is in `classification`.
@@ -25,7 +26,8 @@ struct AnalysisOptions {
 /// recordings  of one valve, prepared; their order does not matter to the result but is kept in it
 /// Errors      no recordings; a baseline that these recordings cannot have (`reference` without one, or without units);
 ///             numerics that give no model at all, with the identifier's reason
-/// Cost        O(n); a pure function, thread-safe
+/// Cost        O(n) per free run, of which a search for causes takes hundreds to thousands; a pure function,
+/// thread-safe
 Result<Analysis> analyze(std::span<const Recording> recordings, const AnalysisOptions& options);
 
 }  // namespace valvetriage

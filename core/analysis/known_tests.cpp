@@ -109,29 +109,15 @@ std::optional<Place> place_in(const Recording& recording, const KnownTest& test)
   Place place;
   Apart closest;
   // The least shift of several that are as good as the best: a hold has none.
-  for (int distance = 0; distance <= kMostShift; ++distance) {
-    for (const int shift : {-distance, distance}) {
-      const Apart apart = apart_at(recording, test.input, movement, shift);
-      if (!(apart.mean_square < kClearlyCloser * closest.mean_square)) continue;
-      closest = apart;
-      place = {shift, apart.mean_square};
-    }
+  for (int k = 0; k <= 2 * kMostShift; ++k) {
+    const int shift = k % 2 == 0 ? k / 2 : -(k + 1) / 2;
+    const Apart apart = apart_at(recording, test.input, movement, shift);
+    if (!(apart.mean_square < kClearlyCloser * closest.mean_square)) continue;
+    closest = apart;
+    place = {shift, apart.mean_square};
   }
   const bool is_same = closest.beside_jumps <= movement.tolerance * movement.tolerance;
   return is_same ? std::optional(place) : std::nullopt;
-}
-
-/// The last digit of a reading; 0 of one that never moves.
-double smallest_step(const Recording& recording) {
-  double smallest = std::numeric_limits<double>::infinity();
-  std::optional<double> before;
-  for (std::size_t i = 0; i < recording.samples(); ++i) {
-    if (!recording.is_valid(i)) continue;
-    const double here = recording.output.values[i];
-    if (before && here != *before) smallest = std::min(smallest, std::abs(here - *before));
-    before = here;
-  }
-  return std::isfinite(smallest) ? smallest : 0;
 }
 
 /// Orthonormal Haar transform in place, and back: a power of two of samples, the mean first, then from coarse to fine.
@@ -294,10 +280,8 @@ void take_off(std::span<const double> common, Recording& recording) {
                  [](double usual, double measured) { return measured - usual; });
 }
 
-void put_back(std::span<const std::vector<double>> common, std::vector<std::vector<double>>& runs) {
-  for (std::size_t r = 0; r < std::min(common.size(), runs.size()); ++r) {
-    std::transform(common[r].begin(), common[r].end(), runs[r].begin(), runs[r].begin(), std::plus<>());
-  }
+void put_back(std::span<const double> common, std::vector<double>& run) {
+  std::transform(common.begin(), common.end(), run.begin(), run.begin(), std::plus<>());
 }
 
 }  // namespace valvetriage

@@ -60,7 +60,7 @@ std::optional<std::vector<std::vector<double>>> all_left_in_common(std::span<con
 
 /// Takes off what good valves leave in common.
 void take_off(std::span<const double> common, Recording& recording);
-/// Puts it back, where `common` holds anything.
-void put_back(std::span<const std::vector<double>> common, std::vector<std::vector<double>>& runs);
+/// Puts it back into a simulation of what is left.
+void put_back(std::span<const double> common, std::vector<double>& run);
 
 }  // namespace valvetriage

@@ -8,6 +8,7 @@
 #include <limits>
 #include <set>
 
+#include "core/discrepancy/settled.h"
 #include "core/linear_algebra/solve.h"
 #include "core/mechanisms/simulate_extended.h"
 #include "core/model/test_plan.h"
@@ -23,7 +24,6 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr std::size_t kMostAlternatives = 8;
-constexpr double kSettled = 0.95;  // posterior that the contract calls settled
 // Chance of settling the question that a second test after the first has to add to be worth its time.
 constexpr double kWorthASecond = 0.1;
 constexpr double kEqual = 0.01;      // tests whose worth differs by a smaller share are equal
@@ -203,7 +203,8 @@ double distance(const Products& products, const Columns& a, const Columns& b, do
 /// Chance that the true one reaches the settling posterior against a rival.
 double beats(const PlayedTest& test, const Alternative& own, const Alternative& rival, const AdviceOptions& options) {
   const Settling asked = options.settling ? options.settling(own, rival, test) : Settling{};
-  const double by_posterior = std::log(kSettled / (1 - kSettled) * rival.probability / own.probability);
+  const double by_posterior =
+      std::log(kSettledProbability / (1 - kSettledProbability) * rival.probability / own.probability);
   const double odds = std::max(by_posterior, asked.least_log_odds), d = test.distance;
   if (!std::isfinite(odds) || !std::isfinite(d)) return 0;
   if (d < 1e-9) return odds <= 0 ? 1 : 0;

@@ -6,10 +6,10 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
-#include <random>
 #include <set>
 
 #include "core/discrepancy/black_box.h"
+#include "core/discrepancy/reduction_interval.h"
 #include "core/linear_algebra/solve.h"
 
 namespace valvetriage {
@@ -21,7 +21,6 @@ using Eigen::VectorXd;
 
 constexpr std::size_t kBlocksPerRecording = 4;
 constexpr std::size_t kFewestRecordings = 3;
-constexpr int kBootstraps = 400;
 // Of noise alone a law takes up half of this in noise variances with each of its parameters, and foretells held-out
 // samples as much worse: less is no reason to use it. Akaike, IEEE Trans. Automatic Control 19 (1974) 716.
 constexpr double kPriceOfParameter = 2;
@@ -363,29 +362,9 @@ std::vector<Transfer> transfers(const Explanation& baseline, const Explanation& 
 }
 
 struct FoldScore {
-  double baseline = 0, extended = 0, samples = 0, surprise = 0;
+  HeldOutSquares squares;
+  double samples = 0, surprise = 0;
 };
-
-double reduction_of(const std::vector<FoldScore>& scores, const std::vector<std::size_t>& chosen) {
-  double baseline = 0, extended = 0;
-  for (const std::size_t i : chosen) {
-    baseline += scores[i].baseline;
-    extended += scores[i].extended;
-  }
-  return baseline > 0 ? 1 - std::sqrt(extended / baseline) : 0;
-}
-
-std::array<double, 2> bootstrap_interval(const std::vector<FoldScore>& scores) {
-  std::mt19937_64 random(scores.size());
-  std::vector<double> reductions;
-  std::vector<std::size_t> chosen(scores.size());
-  for (int i = 0; i < kBootstraps; ++i) {
-    for (std::size_t& c : chosen) c = random() % scores.size();
-    reductions.push_back(reduction_of(scores, chosen));
-  }
-  std::sort(reductions.begin(), reductions.end());
-  return {reductions[kBootstraps / 40], reductions[kBootstraps - 1 - kBootstraps / 40]};
-}
 
 /// Every fold with what it was compared by.
 struct Measured {
@@ -393,6 +372,12 @@ struct Measured {
   std::vector<Fold> folds;
   std::vector<FoldScore> scores;
   std::vector<VectorXd> errors;  ///< of the baseline
+
+  std::vector<HeldOutSquares> squares() const {
+    std::vector<HeldOutSquares> all;
+    for (const FoldScore& score : scores) all.push_back(score.squares);
+    return all;
+  }
 };
 
 /// Whether recordings are left out whole: what has an instant or a phase of its own in every recording cannot be
@@ -411,7 +396,7 @@ Measured measure(const Explanation& baseline, const Explanation& extended, const
   for (const Fold& fold : measured.folds) {
     Compared compared = compare(baseline, extended, before, after, std::span(&fold, 1));
     measured.scores.push_back(
-        {compared.baseline.squaredNorm(), compared.extended, static_cast<double>(fold.count), compared.surprise});
+        {{compared.baseline.squaredNorm(), compared.extended}, static_cast<double>(fold.count), compared.surprise});
     measured.errors.push_back(std::move(compared.baseline));
   }
   return measured;
@@ -429,8 +414,8 @@ MeasuredGain measure_gain(const Explanation& baseline, const Explanation& extend
   double squares_baseline = 0, squares_extended = 0, floor = 0, samples = 0;
   for (std::size_t f = 0; f < measured.folds.size(); ++f) {
     const FoldScore& score = measured.scores[f];
-    squares_baseline += score.baseline;
-    squares_extended += score.extended;
+    squares_baseline += score.squares.baseline;
+    squares_extended += score.squares.extended;
     floor += score.samples / baseline.problem->inverse_variance(measured.folds[f].recording);
     samples += score.samples;
     both.surprise += score.surprise;
@@ -441,7 +426,7 @@ MeasuredGain measure_gain(const Explanation& baseline, const Explanation& extend
   gain.rmse_black_box = std::sqrt(black_box_squares(baseline, before, measured.folds, measured.errors) / samples);
   gain.noise_floor = std::sqrt(floor / samples);
   gain.reduction = squares_baseline > 0 ? 1 - std::sqrt(squares_extended / squares_baseline) : 0;
-  gain.reduction_ci95 = bootstrap_interval(measured.scores);
+  gain.reduction_ci95 = reduction_interval(measured.squares());
   if (measured.whole) gain.transfer = transfers(baseline, extended, before, after, measured.folds);
   return both;
 }
@@ -450,7 +435,7 @@ double held_out_rmse(const Explanation& baseline, const Explanation& fewer, cons
   const Refit before(baseline), after(fewer);
   double squares = 0, samples = 0;
   for (const FoldScore& score : measure(baseline, fewer, before, after, leaves_recordings_out(all)).scores) {
-    squares += score.extended;
+    squares += score.squares.extended;
     samples += score.samples;
   }
   return samples > 0 ? std::sqrt(squares / samples) : std::numeric_limits<double>::quiet_NaN();
@@ -459,7 +444,7 @@ double held_out_rmse(const Explanation& baseline, const Explanation& fewer, cons
 bool is_borne_out(const Explanation& baseline, const Explanation& extended) {
   const Refit before(baseline), after(extended);
   const Measured measured = measure(baseline, extended, before, after, leaves_recordings_out(extended));
-  return !measured.scores.empty() && bootstrap_interval(measured.scores).front() > 0;
+  return !measured.scores.empty() && reduction_interval(measured.squares()).front() > 0;
 }
 
 }  // namespace valvetriage

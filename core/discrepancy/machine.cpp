@@ -16,6 +16,7 @@
 #include "core/discrepancy/machine_report.h"
 #include "core/discrepancy/machine_second_look.h"
 #include "core/discrepancy/machine_sticking_loop.h"
+#include "core/discrepancy/reduction_interval.h"
 #include "core/identify/order.h"
 #include "core/mechanisms/mechanism.h"
 #include "core/recording/same_rate.h"
@@ -27,7 +28,6 @@ namespace {
 constexpr int kLastIterations = 12;
 constexpr double kDecimationShare = 0.1;  // of the output's deviation: first guess of what a linear machine leaves
 constexpr double kSearched = 0.8;         // of the time of a diagnosis
-constexpr std::size_t kMostBootstrap = 400;
 
 Result<void> check(std::span<const Recording> recordings) {
   if (recordings.empty()) return fail("no_recordings", "there is nothing to diagnose: no recording was given");
@@ -160,27 +160,17 @@ MachineGround ground_of(std::span<const Recording> recordings, const MachineData
   return ground;
 }
 
-/// 1 − extended / baseline with an interval over the held-out groups, resampled by a fixed sequence.
+/// 1 − extended / baseline with its interval over the held-out groups.
 void measure_reduction(const MachineScore& baseline, const MachineScore& extended, DiscrepancyGain& gain) {
-  const std::size_t n = baseline.log_rms.size();
   const auto squares = [](const MachineScore& score, std::size_t group) {
     return static_cast<double>(score.gaps[group].size()) * std::exp(2 * score.log_rms[group]);
   };
-  gain.reduction = 1 - gain.rmse_extended / gain.rmse_baseline;
-  std::vector<double> reductions;
-  std::uint64_t state = 0x9E3779B97F4A7C15ULL;
-  for (std::size_t draw = 0; draw < kMostBootstrap; ++draw) {
-    double before = 0, after = 0;
-    for (std::size_t i = 0; i < n; ++i) {
-      state = state * 6364136223846793005ULL + 1442695040888963407ULL;
-      const std::size_t pick = static_cast<std::size_t>(state >> 33U) % n;
-      before += squares(baseline, pick);
-      after += squares(extended, pick);
-    }
-    reductions.push_back(1 - std::sqrt(after / before));
+  std::vector<HeldOutSquares> groups;
+  for (std::size_t group = 0; group < baseline.log_rms.size(); ++group) {
+    groups.push_back({squares(baseline, group), squares(extended, group)});
   }
-  std::sort(reductions.begin(), reductions.end());
-  gain.reduction_ci95 = {reductions[kMostBootstrap / 40], reductions[kMostBootstrap - 1 - kMostBootstrap / 40]};
+  gain.reduction = 1 - gain.rmse_extended / gain.rmse_baseline;
+  gain.reduction_ci95 = reduction_interval(groups);
 }
 
 /// A fit of the search on the recordings from end to end, as far as those are longer than what was searched.

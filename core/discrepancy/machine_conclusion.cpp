@@ -9,6 +9,7 @@
 #include "core/discrepancy/machine_leftover.h"
 #include "core/discrepancy/machine_report.h"
 #include "core/discrepancy/machine_shape.h"
+#include "core/discrepancy/settled.h"
 #include "core/mechanisms/mechanism.h"
 
 namespace valvetriage {
@@ -30,7 +31,7 @@ constexpr double kBeyondDoubt = 2;           // times closer: no consistency ove
 constexpr double kFarBeyondDoubt = 10;       // times closer: less than a hundredth of the squares is left
 constexpr double kConsistent = 0.1;
 constexpr double kNearFloor = 2;  // noise floors that a confident name may leave without a wider margin
-constexpr double kConfident = 0.01;
+constexpr double kClearlySignificant = 0.01;
 constexpr double kAboveFloors = 1.5;
 constexpr double kBlackBoxBetter = 1.3;
 constexpr double kSignificant = 0.05;
@@ -39,7 +40,7 @@ constexpr double kOverLinearOfFeedback = 1.5;
 constexpr double kLeastDriven = 0.05;  // of the output's power, by the input
 constexpr double kBend = 1e-3;         // of a spring's force at the output's deviation: its cubic part
 constexpr double kLoopBend = 0.1;      // of a loop's slope over the output's range
-// Odds of 40 to 1 at a factor 1.2: p = 0.95 is met only where the margins are.
+// Odds of 40 to 1 at a factor 1.2: a probability of 0.95 is met only where the margins are.
 const double kSteepness = std::log(40.0) / std::log(kOverNextFamily);
 
 /// Stick-slip whose kinetic level is its breakaway is lost motion: the simpler name stands.
@@ -324,7 +325,6 @@ bool stands_elsewhere(const MachineVerdict& verdict, std::size_t place, const st
 /// An entry that nothing stands beside looks settled. Where the explanations without it weigh too much for that, the
 /// heaviest of them that offers another cause in its place gives its rival.
 void add_runners_up(MachineVerdict& verdict) {
-  constexpr double kSettled = 0.95;
   constexpr double kLeastProbability = 0.05;  // of one explanation: less is no rival but a crowd
   for (std::size_t i = 0; i < verdict.winner->causes.size(); ++i) {
     if (!verdict.alternatives[i].empty()) continue;
@@ -345,7 +345,7 @@ void add_runners_up(MachineVerdict& verdict) {
         break;
       }
     }
-    if (probability < kSettled && !rival.empty()) verdict.alternatives[i].push_back(rival);
+    if (probability < kSettledProbability && !rival.empty()) verdict.alternatives[i].push_back(rival);
   }
 }
 
@@ -441,7 +441,7 @@ bool has_another_shape(const MachineData& data, const MachineFit& fit) {
 /// structure behind can be beaten by a law that is not in the vocabulary.
 bool is_beyond_doubt(const MachineSearch& search, const MachineData& data, const MachineScore& best, double noise_rms,
                      const MachineVerdict& verdict) {
-  if (verdict.p_value >= kConfident) return false;
+  if (verdict.p_value >= kClearlySignificant) return false;
   if (!have_certain_sizes(best.causes, data, best.fit)) return false;
   // Rounded stops that nothing comes to rest at are a curve, and most curves have no name.
   if (!has_true_stops(data, best.fit) || has_another_shape(data, best.fit)) return false;
@@ -578,7 +578,8 @@ MachineVerdict conclude_with(const MachineScore* best, const MachineSearch& sear
                                 [&](const Candidate& c) { return c.cause == best->name(); });
   verdict.conclusion = Conclusion::kNamed;
   if (!settled) verdict.conclusion = Conclusion::kAmbiguous;
-  if (settled && (feedback || own->probability < 0.95 || !is_beyond_doubt(search, data, *best, noise_rms, verdict))) {
+  if (settled && (feedback || own->probability < kSettledProbability ||
+                  !is_beyond_doubt(search, data, *best, noise_rms, verdict))) {
     // Nothing stands beside it and yet it is not sure: it is given a rival. Without one it is structure that no law
     // accounts for.
     const std::string rival = rival_of(search, data, *best);
@@ -605,7 +606,7 @@ MachineVerdict conclude(const MachineSearch& search, const MachineData& data, co
   // be ruled out more clearly.
   const bool above_floor = search.linear.rms() > kAboveFloors * noise_rms;
   const Margin margin{.gain = feedback ? kOverLinearOfFeedback : kOverLinear,
-                      .significant = above_floor ? kSignificant : kConfident};
+                      .significant = above_floor ? kSignificant : kClearlySignificant};
   const MachineScore* best = best_of(search, data, noise_rms, margin);
   MachineVerdict verdict = conclude_with(best, search, data, runs, noise_rms, feedback, margin);
   if (verdict.conclusion != Conclusion::kAmbiguous || !mends_the_first(search, *best, noise_rms)) return verdict;

@@ -16,6 +16,7 @@
 #include "core/discrepancy/leftover.h"
 #include "core/discrepancy/own_parameters.h"
 #include "core/discrepancy/recording_slip.h"
+#include "core/discrepancy/settled.h"
 #include "core/discrepancy/unnamed_account.h"
 #include "core/mechanisms/simulate_extended.h"
 #include "core/residual/noise_floor.h"
@@ -25,7 +26,6 @@ namespace valvetriage {
 namespace {
 
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
-constexpr double kSettled = 0.95;
 // An alternative below this probability is not worth a reader's time.
 constexpr double kWorthNaming = 0.03;
 // An extension that leaves more than this share of what was there does not explain it.
@@ -353,7 +353,7 @@ NamedCause named_cause(const Grounds& grounds, std::size_t l, bool explained) {
     named.probability = std::min(named.probability, kUnexplainedName);
     named.family_probability = std::min(named.family_probability, kUnexplainedName);
   }
-  if (explained && named.probability < kSettled && named.alternatives.empty()) {
+  if (explained && named.probability < kSettledProbability && named.alternatives.empty()) {
     const auto next =
         std::find_if(place.ranked.begin(), place.ranked.end(), [&](const Ranked& r) { return r.cause != named.cause; });
     if (next != place.ranked.end()) named.alternatives.push_back(next->cause);

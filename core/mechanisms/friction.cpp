@@ -6,12 +6,11 @@
 //   in a model without a spool, its stick-slip limit at the input:
 //   held while |x − held| ≤ F_s;   else held ← x − sign(x − held) min(F_k, F_s)        forces as input equivalents
 //
-// Source     stick-slip limit of Coulomb friction with breakaway: Armstrong-Hélouvry, Dupont, Canudas de Wit,
-// Automatica
-//            30 (1994) 1083; as a data-driven valve model: Choudhury, Thornhill, Shah, Control Eng. Practice 13 (2005)
-//            641
-// Looks like stair-steps on slow ramps, a level that depends on the side it was reached from, small inputs without
-// effect Confused   with backlash (kinetic near breakaway is play), hysteresis (a smooth loop), dead_band (no memory)
+// Source        stick-slip limit of Coulomb friction with breakaway: Armstrong-Hélouvry, Dupont, Canudas de Wit,
+//               Automatica 30 (1994) 1083; as a data-driven valve model: Choudhury, Thornhill, Shah, Control Eng.
+//               Practice 13 (2005) 641
+// Looks like    stair-steps on slow ramps, a level that depends on the side it was reached from; small inputs do
+// nothing Confused with backlash (kinetic near breakaway is play), hysteresis (a smooth loop), dead_band (no memory)
 
 #include <algorithm>
 #include <array>

@@ -12,7 +12,7 @@ namespace valvetriage {
 ///
 /// value scale   `transform` "log": the population is described in ln(value); "linear": in the value itself
 struct PopulationParameter {
-  std::string name;       ///< `delay_s`, `natural_frequency_rad_s`, `damping_ratio`, `time_constant_s`
+  std::string name;       ///< of kValveParameters (core/identify/valve_fit.h)
   std::string unit;       ///< "s", "rad/s", ""
   std::string transform;  ///< "linear" or "log"
   double mean = 0;        ///< in the transformed scale

@@ -5,6 +5,7 @@
 #include <boost/math/statistics/univariate_statistics.hpp>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <vector>
 
 #include "core/linear_algebra/solve.h"
@@ -57,16 +58,6 @@ HoldNoise about_line(std::span<const double> values, const Recording& recording,
   const double cyy = syy - sy * sy / n;
   const double left = std::max(0.0, cyy - cty * cty / ctt);
   return {left / (n - 2), static_cast<std::size_t>(n)};
-}
-
-double smallest_step(const Recording& recording) {
-  double smallest = std::numeric_limits<double>::infinity();
-  const auto& y = recording.output.values;
-  for (std::size_t i = 1; i < y.size(); ++i) {
-    const double step = std::abs(y[i] - y[i - 1]);
-    if (step > 0) smallest = std::min(smallest, step);
-  }
-  return std::isfinite(smallest) ? smallest : 0;
 }
 
 double from_differences(const Recording& recording) {
@@ -163,6 +154,18 @@ NoiseFloor at_least_resolution(const Recording& recording, NoiseFloor floor) {
 }
 
 }  // namespace
+
+double smallest_step(const Recording& recording) {
+  double smallest = std::numeric_limits<double>::infinity();
+  std::optional<double> before;
+  for (std::size_t i = 0; i < recording.samples(); ++i) {
+    if (!recording.is_valid(i)) continue;
+    const double here = recording.output.values[i];
+    if (before && here != *before) smallest = std::min(smallest, std::abs(here - *before));
+    before = here;
+  }
+  return std::isfinite(smallest) ? smallest : 0;
+}
 
 NoiseFloor noise_floor(const Recording& recording) {
   const Holds holds = settled_holds(recording, {});

@@ -20,6 +20,10 @@ struct NoiseFloor {
   std::size_t samples = 0;  ///< that it rests on
 };
 
+/// The least that a reading moves by between valid samples, its last digit where it is quantised [unit of the output];
+/// 0 where it never moves.
+double smallest_step(const Recording& recording);
+
 /// Rms of the noise that no model of the input can explain, without taking dynamics for noise: a step's transient, a
 /// ramp and a sweep leave no trace in it.
 ///
