@@ -77,7 +77,8 @@ void add_rule_base_command(CLI::App& app, int& exit_status) {
   CLI::App* verb = group->add_subcommand("learn", "A rule base from a table of valves with a verdict column");
   auto arguments = std::make_shared<RuleBaseArguments>();
   verb->add_option("TABLE.csv", arguments->table,
-                   "error_low,error_high (or error_<level in A>),verdict; - is standard input")
+                   "A line per valve: error_low,error_high (or error_<level in A>; also settling_error_, rise_time_, "
+                   "bandwidth_<level>),verdict; - is standard input")
       ->required();
   verb->add_option("-o,--output", arguments->output, "Where the rule base goes")->required();
   verb->add_option("--name", arguments->name, "Name of the rule base")->capture_default_str();

@@ -78,6 +78,18 @@ void refuse(Outcome& outcome, Json problem, ExitStatus status) {
   outcome.status = status;
 }
 
+/// What was sent before and ended through no fault of the input is started again: to send it once more asks for that.
+void start_again(http::Client& client, Outcome& outcome) {
+  const std::string state = outcome.document.value("state", "");
+  if (state != "failed" && state != "poisoned" && state != "cancelled") return;
+  const auto answer = http::with_retries({}, [&] { return client.post(outcome.route + "/reanalyze", ""); });
+  if (!answer || answer->status != 202) return;  // what was there is told as it is
+  outcome.job_id = body_of(*answer).value("id", "");
+  outcome.document["job_id"] = outcome.job_id;
+  outcome.document["state"] = "queued";
+  outcome.document.erase("error");
+}
+
 Outcome send(http::Client& client, const SubmitArguments& arguments, const Metadata& labels,
              http::PlannedSubmission plan, const ProgressLine& progress) {
   Outcome outcome{.plan = std::move(plan), .route = {}, .job_id = {}, .document = {}};
@@ -103,6 +115,7 @@ Outcome send(http::Client& client, const SubmitArguments& arguments, const Metad
     outcome.document = body_of(*answer);
     outcome.job_id = outcome.document.value("job_id", "");
     outcome.route = upload.path.substr(0, upload.path.find('?')) + "/" + outcome.document.value("id", "");
+    start_again(client, outcome);
   }
   return outcome;
 }

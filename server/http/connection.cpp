@@ -84,8 +84,9 @@ std::size_t Connection::head_size() const {
 std::string Connection::take(std::size_t size) {
   std::string taken = buffer_.substr(taken_, size);
   taken_ += taken.size();
-  if (buffered() == 0) {
-    buffer_.clear();
+  // What was taken is let go of: a client that always sends one request ahead never leaves the buffer empty.
+  if (buffered() == 0 || taken_ >= kReceiveBytes) {
+    buffer_.erase(0, taken_);
     taken_ = 0;
   }
   return taken;

@@ -31,6 +31,8 @@ class Connection {
   /// Length of the head in the buffer with its empty line, 0 while it is not whole.
   std::size_t head_size() const;
   std::size_t buffered() const { return buffer_.size() - taken_; }
+  /// Bytes in memory, those that were taken and are not let go of yet among them.
+  std::size_t held() const { return buffer_.size(); }
   /// Takes the first `size` bytes of the buffer.
   std::string take(std::size_t size);
 

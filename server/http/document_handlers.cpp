@@ -2,6 +2,7 @@
 
 #include <charconv>
 
+#include "core/recording/metadata.h"
 #include "server/http/handlers.h"
 #include "server/http/limits.h"
 #include "server/http/receive.h"
@@ -25,6 +26,8 @@ Result<Response> list_documents(Service& service, Request& request, DocumentKind
 
 Result<Response> add_document(Service& service, Request& request, DocumentKind kind, const Json& body,
                               const std::string& sha256) {
+  Metadata named;
+  if (auto sound = set_metadata(named, "valve_type", request.captures[0]); !sound) return tl::unexpected(sound.error());
   const auto row = service.store.add_document(kind, request.captures[0], dump_json(body), sha256, request.actor);
   if (!row) return tl::unexpected(row.error());
   const Json document = view(*row);
@@ -48,7 +51,9 @@ Result<Response> get_document(Service& service, Request& request, DocumentKind k
   auto document = service.store.document(kind, request.captures[0], version);
   if (!document) return tl::unexpected(document.error());
   Response response;
-  if (is_known(request, document->row.sha256, response)) return response;
+  // The body tells its version, and one content may be stored under several.
+  const std::string tag = fmt::format("{}-{}", document->row.version, document->row.sha256);
+  if (is_known(request, tag, response)) return response;
   // A reference carries its version: the one under which the store keeps it.
   auto body = parse_json(document->body_json);
   if (body && body->contains("version")) {
@@ -93,7 +98,9 @@ Result<Reference> learn_from(Service& service, const Json& document, const std::
     if (!valve) return tl::unexpected(valve.error());
     valves.push_back(std::move(*valve));
   }
-  return learn_in_child(valves, valve_type, [&] { return !service.stopping(); });
+  auto learned = learn_in_child(valves, valve_type, [&] { return !service.stopping(); });
+  if (!learned && service.stopping()) return fail("draining", "the server is shutting down; try again");
+  return learned;
 }
 
 }  // namespace

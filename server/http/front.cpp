@@ -18,6 +18,7 @@
 #include <optional>
 #include <thread>
 #include <unordered_map>
+#include <unordered_set>
 
 #include "server/http/connection.h"
 #include "server/http/limits.h"
@@ -135,6 +136,8 @@ struct Front::State {
   void continue_head(int descriptor);
   void take_returned();
   void drop_overdue();
+  bool is_done();
+  void cut_off();
   void hand_over(Connection connection);
   void work();
   bool serve(Connection& connection);
@@ -155,7 +158,7 @@ struct Front::State {
   std::condition_variable ready_changed;
   std::deque<Connection> ready;
   std::deque<Connection> returned;
-  std::size_t in_work = 0;
+  std::unordered_set<int> in_work;  // their descriptors
   bool no_more = false;
   std::vector<std::thread> workers;
 };
@@ -187,7 +190,7 @@ void Front::State::accept_connections() {
 /// Those that wait, that are served, and that stand between the two.
 std::size_t Front::State::connections() {
   const std::lock_guard lock(mutex);
-  return waiting.size() + ready.size() + in_work + returned.size();
+  return waiting.size() + ready.size() + in_work.size() + returned.size();
 }
 
 void Front::State::pause_listening() {
@@ -250,6 +253,17 @@ void Front::State::drop_overdue() {
   std::erase_if(waiting, [&](const auto& entry) { return entry.second.deadline < now; });
 }
 
+bool Front::State::is_done() {
+  const std::lock_guard lock(mutex);
+  return in_work.empty() && ready.empty();
+}
+
+/// Whoever reads or writes such a connection sees its end.
+void Front::State::cut_off() {
+  const std::lock_guard lock(mutex);
+  for (const int descriptor : in_work) shutdown(descriptor, SHUT_RDWR);
+}
+
 Response Front::State::answer(Request& request) const {
   try {
     return handler(request);
@@ -308,11 +322,11 @@ void Front::State::work() {
     {
       Connection connection = std::move(ready.front());
       ready.pop_front();
-      ++in_work;
+      in_work.insert(connection.descriptor());
       lock.unlock();
       const bool keep = serve(connection);
       lock.lock();
-      --in_work;
+      in_work.erase(connection.descriptor());
       if (keep) returned.push_back(std::move(connection));
     }
     ring();
@@ -346,7 +360,7 @@ bool Front::stopping() const {
   return state_->stopping;
 }
 
-void Front::run() {
+void Front::run(const std::function<void()>& on_stop, std::chrono::milliseconds patience) {
   State& state = *state_;
   std::array<epoll_event, 64> events;
   while (!state.stopping) {
@@ -364,13 +378,12 @@ void Front::run() {
     state.drop_overdue();
     state.resume_listening();
   }
+  const auto last_answer = steady_clock::now() + patience;
   state.forget(state.listener.descriptor());
   state.waiting.clear();
-  for (;;) {
-    {
-      const std::lock_guard lock(state.mutex);
-      if (state.in_work == 0 && state.ready.empty()) return;
-    }
+  on_stop();
+  while (!state.is_done()) {
+    if (steady_clock::now() > last_answer) state.cut_off();
     std::this_thread::sleep_for(std::chrono::milliseconds(5));
   }
 }

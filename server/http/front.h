@@ -1,10 +1,12 @@
 #pragma once
 
+#include <chrono>
 #include <functional>
 #include <memory>
 
 #include "server/http/endpoint.h"
 #include "server/http/exchange.h"
+#include "server/http/limits.h"
 #include "server/http/log.h"
 
 namespace valvetriage::http {
@@ -25,8 +27,10 @@ class Front {
 
   const Endpoint& endpoint() const;
 
-  /// Serves until `stop`: then no new connection is taken, requests under way are answered, idle ones closed.
-  void run();
+  /// Serves until `stop`: then no new connection is taken, idle ones are closed, and `on_stop` is called while requests
+  /// under way are answered. Those that last longer than `patience` are cut off: nobody was told that they are done.
+  void run(
+      const std::function<void()>& on_stop = [] {}, std::chrono::milliseconds patience = kStopPatience);
   /// May be called from any thread and from a signal handler.
   void stop();
   bool stopping() const;

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <iterator>
 
+#include "core/recording/metadata.h"
 #include "core/recording/text.h"
 #include "server/http/handlers.h"
 #include "server/http/limits.h"
@@ -155,6 +156,8 @@ report::PatternsShown shown_patterns(const StoredPatterns& patterns) {
 }
 
 Result<NewFinding> finding_of(const Json& document, const Request& request) {
+  Metadata named;
+  if (auto sound = set_metadata(named, "serial", request.captures[0]); !sound) return tl::unexpected(sound.error());
   std::optional<Error> error;
   JsonFields fields(document, "", error);
   NewFinding finding{.serial = request.captures[0],

@@ -1,5 +1,6 @@
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <array>
@@ -50,19 +51,21 @@ Result<Response> raw_bytes(Service& service, const Request& request, const Recor
   Response response;
   if (is_known(request, row.sha256, response)) return response;
   const auto file = std::make_shared<OpenFile>(service.blobs.path_of(row.sha256));
-  if (file->descriptor() < 0)
-    return fail("internal", "the stored bytes of this recording cannot be read; run 'valvetriage check'");
+  struct stat stored {};
+  if (file->descriptor() < 0 || fstat(file->descriptor(), &stored) != 0 || stored.st_size != row.size_bytes)
+    return fail("blob_damaged", "the stored bytes of this recording cannot be read; run 'valvetriage check'");
   response.content_type = media_type(row.name);
   response.set_header("Content-Disposition", attachment(row.name));
   response.set_header("Cache-Control", "private, immutable, max-age=31536000");
   response.stream_length = static_cast<std::uint64_t>(row.size_bytes);
-  response.stream = [file](const Sink& sink) {
+  response.stream = [file, left = row.size_bytes](const Sink& sink) mutable {
     std::array<char, kPieceBytes> piece;
-    for (;;) {
+    while (left > 0) {
       const ssize_t n = read(file->descriptor(), piece.data(), piece.size());
-      if (n <= 0) return n == 0;
-      if (!sink({piece.data(), static_cast<std::size_t>(n)})) return false;
+      if (n <= 0 || !sink({piece.data(), static_cast<std::size_t>(n)})) return false;  // fewer than were announced
+      left -= n;
     }
+    return true;
   };
   return response;
 }

@@ -18,6 +18,7 @@ constexpr std::string_view kUploadParameters =
     "name serial lot valve_type condition test stand columns sample_rate_hz side";
 constexpr std::string_view kSubmissionParameters =
     "serial lot valve_type condition test stand columns sample_rate_hz side";
+constexpr std::string_view kReadingParameters = "columns sample_rate_hz side";
 constexpr std::string_view kListParameters =
     "lot serial valve_type stand verdict cause since until limit cursor format";
 constexpr std::string_view kPageParameters = "limit cursor format";
@@ -35,7 +36,7 @@ constexpr std::array kRoutes{
     Route{"GET", "/v1/recordings/{id}/marks", Scope::kRead, "", get_marks},
     Route{"GET", "/v1/recordings/{id}/report", Scope::kRead, "", get_report},
     Route{"GET", "/v1/recordings/{id}/plot.svg", Scope::kRead, "", get_plot},
-    Route{"POST", "/v1/recordings/{id}/reanalyze", Scope::kSubmit, "", post_reanalyze},
+    Route{"POST", "/v1/recordings/{id}/reanalyze", Scope::kSubmit, kReadingParameters, post_reanalyze},
     Route{"POST", "/v1/submissions", Scope::kSubmit, kSubmissionParameters, post_submission},
     Route{"GET", "/v1/submissions", Scope::kRead, kListParameters, list_submissions},
     Route{"GET", "/v1/submissions/{id}", Scope::kRead, "", get_submission},
@@ -47,7 +48,7 @@ constexpr std::array kRoutes{
     Route{"GET", "/v1/submissions/{id}/marks", Scope::kRead, "recording", get_marks},
     Route{"GET", "/v1/submissions/{id}/report", Scope::kRead, "", get_report},
     Route{"GET", "/v1/submissions/{id}/plot.svg", Scope::kRead, "recording", get_plot},
-    Route{"POST", "/v1/submissions/{id}/reanalyze", Scope::kSubmit, "", post_reanalyze},
+    Route{"POST", "/v1/submissions/{id}/reanalyze", Scope::kSubmit, kReadingParameters, post_reanalyze},
     Route{"GET", "/v1/analyses/{id}", Scope::kRead, "", get_stored_analysis},
     Route{"GET", "/v1/causes", Scope::kRead, kPageParameters, list_causes},
     Route{"GET", "/v1/lots", Scope::kRead, kPageParameters, list_lots},

@@ -303,10 +303,11 @@ Result<Response> get_marks(Service& service, Request& request) {
 }
 
 Result<Response> post_simulation(Service& service, Request& request) {
-  const auto place = PlaceForWork::take(service.computations);
-  if (!place) return tl::unexpected(place.error());
   const auto document = receive_json(request, kMaxDocumentBytes);
   if (!document) return tl::unexpected(document.error());
+  // Not before the document is there: whoever sends it slowly would hold a place from all others.
+  const auto place = PlaceForWork::take(service.computations);
+  if (!place) return tl::unexpected(place.error());
   const auto model = model_asked_for(service, *document);
   if (!model) return tl::unexpected(model.error());
   std::optional<Error> error;

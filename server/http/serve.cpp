@@ -11,6 +11,7 @@
 #include "server/http/http_server.h"
 #include "server/http/log.h"
 #include "server/jobs/worker.h"
+#include "server/store/file_lock.h"
 #include "server/store/sqlite/sqlite_store.h"
 
 namespace valvetriage::http {
@@ -99,11 +100,14 @@ Result<void> serve(const ServeOptions& options, const std::function<void(const E
   if (auto made = make_folder(options.data_dir); !made) return made;
   const auto store = open_sqlite_store(options.database_file);
   if (!store) return tl::unexpected(store.error());
+  const auto folder = FileLock::take(options.data_dir + "/serve.lock", "this data folder");
+  if (!folder) return tl::unexpected(folder.error());
   const auto blobs = BlobStore::open(options.data_dir);
   if (!blobs) return tl::unexpected(blobs.error());
   auto listener = Listener::open(*endpoint);
   if (!listener) return tl::unexpected(listener.error());
   if (auto safe = check_exposure(options, *listener, **store); !safe) return safe;
+  if (auto ours = (*blobs)->belong_to(**store); !ours) return ours;
   if (auto swept = (*blobs)->sweep(**store); !swept) return tl::unexpected(swept.error());
   if (auto released = (*store)->release_dead_leases(); !released) return tl::unexpected(released.error());
 
@@ -115,10 +119,12 @@ Result<void> serve(const ServeOptions& options, const std::function<void(const E
   if (pool) service.job_added = [&pool] { pool->wake(); };
   const auto front = make_http_server(service, std::move(*listener), options.connections, options.log_requests);
   const StopSignals signals(*front);
+  std::signal(SIGPIPE, SIG_IGN);  // a log that nobody reads any more ends nothing
   listening(front->endpoint());
-  front->run();
-  log_event("stopping", "no new connections; running jobs are handed back");
-  if (pool) pool->drain();
+  front->run([&pool] {
+    log_event("stopping", "no new connections; running jobs are handed back");
+    if (pool) pool->drain();
+  });
   return {};
 }
 

@@ -86,7 +86,7 @@ Result<Labels> common_labels(const std::vector<ReceivedFile>& files) {
 }
 
 /// What a file says of itself where its head does not tell. Of one that cannot be read nothing is known: its job will
-/// say why.
+/// say why. A machine too busy to read it is no such file: without its labels it would be judged by no reference.
 Result<void> read_labels(Service& service, ReceivedFile& file, const std::string& options_json) {
   if (!file.labels_inside) return {};
   const auto place = PlaceForWork::take(service.computations);
@@ -94,6 +94,7 @@ Result<void> read_labels(Service& service, ReceivedFile& file, const std::string
   auto read = read_in_child(
       {.path = service.blobs.path_of(file.blob.sha256()), .name = file.name, .options_json = options_json},
       WhatToRead::kLabels);
+  if (!read && status_of(read.error().code) == 503) return tl::unexpected(read.error());
   if (!read) return {};
   if (auto applied = apply_metadata_options(read->metadata, file.metadata); !applied) {
     applied.error().file = file.name;
@@ -186,8 +187,10 @@ Result<Response> post_reanalyze(Service& service, Request& request) {
   if (!submission) return tl::unexpected(submission.error());
   const auto previous = service.store.job(submission->job_id);
   if (!previous) return tl::unexpected(previous.error());
-  const auto job =
-      service.store.reanalyze(submission_id, previous->options_json, request.actor, service.limits.max_queued_jobs);
+  const auto asked = reading_options(request);
+  if (!asked) return tl::unexpected(asked.error());
+  const std::string options = asked->empty() ? previous->options_json : dump_json(*asked);
+  const auto job = service.store.reanalyze(submission_id, options, request.actor, service.limits.max_queued_jobs);
   if (!job) return refusal(service, job.error());
   service.job_added();
   Response response = json_response(view(*job), 202);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "core/discrepancy/settled.h"
 #include "server/jobs/analyze_session.h"
 #include "server/jobs/reading_child.h"
 #include "server/report/curves.h"
@@ -54,11 +55,10 @@ Result<ReadRecording> read_file(const JobFile& file, const Labels& labels, const
 /// A cause counts as a name where the contract calls it settled: no rival is left, and nothing is unexplained beside
 /// it.
 std::vector<CauseSummary> causes_of(const Discrepancy& found) {
-  constexpr double kConfident = 0.95;
   std::vector<CauseSummary> causes;
   for (const NamedCause& cause : found.causes) {
-    const bool settled =
-        found.conclusion != Conclusion::kUnexplained && cause.alternatives.empty() && cause.probability >= kConfident;
+    const bool settled = found.conclusion != Conclusion::kUnexplained && cause.alternatives.empty() &&
+                         cause.probability >= kSettledProbability;
     causes.push_back({.cause = cause.cause, .probability = cause.probability, .settled = settled});
   }
   return causes;

@@ -86,6 +86,7 @@ struct Pipes {
   sigset_t none;
   ::sigemptyset(&none);
   ::sigprocmask(SIG_SETMASK, &none, nullptr);
+  ::signal(SIGPIPE, SIG_DFL);
   const std::array<std::pair<__rlimit_resource, rlimit>, 4> bounds = {
       {{RLIMIT_AS, both(static_cast<rlim_t>(limits.memory_bytes))},
        // The soft bound ends it by SIGXCPU, which tells; the hard one comes later and only for what ignores that.

@@ -136,8 +136,11 @@ Result<RawRecording> read_in_child(const FileToRead& file, WhatToRead what, std:
       command, asked, limits,
       {.on_line = [&](std::string_view line) { answer.take(line); }, .keep_going = [] { return true; }});
   if (!ended) return tl::unexpected(ended.error());
+  if (ended->end == ChildEnd::kTimeout) {
+    return fail("reading_timeout", "the file could not be read within the time that reading one may have; try again");
+  }
   if (ended->end != ChildEnd::kExited || ended->status != 0) {
-    return fail("unreadable", "the file could not be read within the time and memory that reading one may have");
+    return fail("unreadable", "the file could not be read within the memory that reading one may have");
   }
   return std::move(answer).result(file.name);
 }

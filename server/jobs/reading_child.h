@@ -22,7 +22,8 @@ enum class WhatToRead { kAll, kLabels };
 /// Starts a child, which reads the file, and takes over what it found.
 ///
 /// command  what reads; empty: this binary with the verb `reading-child`
-/// Errors   those of reading, with the position; `cannot_start_child`; `unreadable` where the child gave no answer
+/// Errors   those of reading, with the position; `cannot_start_child`, `reading_timeout`, which may pass; `unreadable`
+///          where the child gave no answer
 /// Cost     blocks, 30 s at most; twice the parsed numbers
 Result<RawRecording> read_in_child(const FileToRead& file, WhatToRead what = WhatToRead::kAll,
                                    std::vector<std::string> command = {});

@@ -34,7 +34,8 @@ Result<std::optional<DocumentBody>> serving_document(Store& store, DocumentKind 
 }
 
 Result<JobSpec> gather(Store& store, const BlobStore& blobs, const JobRow& job,
-                       const std::optional<std::string>& default_rule_base_json) {
+                       const std::optional<std::string>& default_rule_base_json,
+                       const std::function<bool()>& keep_going) {
   const auto submission = store.submission(job.submission_id);
   if (!submission) return tl::unexpected(submission.error());
   const auto recordings = store.recordings_of(job.submission_id);
@@ -55,7 +56,7 @@ Result<JobSpec> gather(Store& store, const BlobStore& blobs, const JobRow& job,
   }
   spec.rule_base_json = *rule_base ? std::move((*rule_base)->body_json) : default_rule_base_json;
   for (const RecordingRow& row : *recordings) {
-    if (const auto sound = blobs.verify(row.sha256); !sound) return tl::unexpected(sound.error());
+    if (const auto sound = blobs.verify(row.sha256, keep_going); !sound) return tl::unexpected(sound.error());
     spec.files.push_back({row.name, row.sha256, blobs.path_of(row.sha256), row.test, row.metadata_json});
   }
   return spec;
@@ -67,7 +68,7 @@ AttemptEnd end_for_gathering(const Error& error) {
   return lasting ? AttemptEnd::kFailed : AttemptEnd::kFault;
 }
 
-/// Keeps one lease alive while its child runs, and says when to stop.
+/// Keeps one lease alive while its recordings are gathered and its child runs, and says when to stop.
 class LeaseKeeper {
  public:
   enum class Stop { kNo, kLost, kDraining };
@@ -218,10 +219,16 @@ void WorkerPool::run(const JobRow& job) {
     const auto ended = store_.end_attempt(job.lease(), how, problem);
     if (!ended && ended.error().code != "lease_lost") options_.log(ended.error().message);
   };
-  const auto spec = gather(store_, blobs_, job, options_.rule_base_json);
+  LeaseKeeper keeper(store_, job, options_.lease_ms, [this] { return draining(); });
+  const auto keep_going = [&] { return keeper.keep_going(); };
+  const auto is_stopped = [&] {
+    if (keeper.stop() == LeaseKeeper::Stop::kDraining) end(AttemptEnd::kReturned, "");
+    return keeper.stop() != LeaseKeeper::Stop::kNo;
+  };
+  const auto spec = gather(store_, blobs_, job, options_.rule_base_json, keep_going);
+  if (!spec && is_stopped()) return;
   if (!spec) return end(end_for_gathering(spec.error()), problem_json(spec.error()));
 
-  LeaseKeeper keeper(store_, job, options_.lease_ms, [this] { return draining(); });
   ChildMessage answer;
   const auto on_line = [&](std::string_view line) {
     auto message = child_message_from(line);
@@ -234,10 +241,9 @@ void WorkerPool::run(const JobRow& job) {
     }
   };
   const auto outcome = run_child_process(options_.child_command, to_json_text(*spec), options_.child,
-                                         {.on_line = on_line, .keep_going = [&] { return keeper.keep_going(); }});
+                                         {.on_line = on_line, .keep_going = keep_going});
   if (!outcome) return end(AttemptEnd::kFault, problem_json(outcome.error()));
-  if (keeper.stop() == LeaseKeeper::Stop::kLost) return;
-  if (keeper.stop() == LeaseKeeper::Stop::kDraining) return end(AttemptEnd::kReturned, "");
+  if (is_stopped()) return;
 
   const bool ended_well = outcome->end == ChildEnd::kExited && outcome->status == 0;
   if (ended_well && answer.rejected_json) return end(AttemptEnd::kRejected, *answer.rejected_json);

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <limits>
 
 #include "core/analysis/known_tests.h"
@@ -59,7 +58,7 @@ Result<std::vector<double>> free_run(const Model& model, const Recording& record
     Recording without = recording;
     take_off(common, without);
     auto run = free_run(model, without);
-    if (run) std::transform(common.begin(), common.end(), run->begin(), run->begin(), std::plus<>());
+    if (run) put_back(common, *run);
     return run;
   }
   const InitialState estimated{.kind = InitialState::Kind::kMeasured, .samples = recording.samples()};

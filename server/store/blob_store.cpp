@@ -23,21 +23,39 @@ std::string incoming_of(const std::string& data_dir) {
 std::string blobs_of(const std::string& data_dir) {
   return data_dir + "/blobs";
 }
+std::string identity_of(const std::string& data_dir) {
+  return data_dir + "/store-id";
+}
 std::string shard_of(const std::string& data_dir, std::string_view sha256) {
   return fmt::format("{}/{}", blobs_of(data_dir), sha256.substr(0, 2));
 }
 
-/// Calls `take` with each piece of the file.
+/// Calls `take` with each piece of the file, until it returns false.
 template <typename Take>
 Result<void> read_pieces(FileSystem& files, const std::string& path, const Take& take) {
   const auto fd = files.open_read(path);
   if (!fd) return tl::unexpected(fd.error());
   std::array<char, kPieceBytes> piece;
   Result<std::size_t> got = 0;
-  while ((got = files.read(*fd, piece.data(), piece.size())) && *got > 0) take(std::string_view(piece.data(), *got));
+  while ((got = files.read(*fd, piece.data(), piece.size())) && *got > 0) {
+    if (!take(std::string_view(piece.data(), *got))) break;
+  }
   files.close(*fd);
   if (!got) return tl::unexpected(got.error());
   return {};
+}
+
+auto appending_to(std::string& bytes) {
+  return [&bytes](std::string_view piece) {
+    bytes += piece;
+    return true;
+  };
+}
+
+/// A folder of ours that is gone is nothing that a caller asked for and there is none of.
+Error our_fault(Error error) {
+  if (error.code == "not_found") error.code = "io_error";
+  return error;
 }
 
 Error damaged(std::string_view sha256) {
@@ -89,7 +107,8 @@ Result<StoredBlob> BlobWriter::commit() {
         state_->renamed = true;
         return files.sync_directory(stored.substr(0, stored.rfind('/')));
       })
-      .map([&] { return StoredBlob(sha256, state_->size); });
+      .map([&] { return StoredBlob(sha256, state_->size); })
+      .map_error(our_fault);
 }
 
 BlobStore::BlobStore(std::string data_dir, FileSystem& files, const Clock& clock)
@@ -106,7 +125,7 @@ Result<std::unique_ptr<BlobStore>> BlobStore::open(const std::string& data_dir, 
 
 Result<BlobWriter> BlobStore::begin(std::int64_t max_bytes) {
   const std::string path = fmt::format("{}/{}", incoming_of(data_dir_), random_name());
-  const auto fd = files_.create(path);
+  const auto fd = files_.create(path).map_error(our_fault);
   if (!fd) return tl::unexpected(fd.error());
   return BlobWriter(std::unique_ptr<BlobWriter::State>(new BlobWriter::State{*this, files_, path, *fd, max_bytes}));
 }
@@ -129,16 +148,22 @@ std::string BlobStore::path_of(std::string_view sha256) const {
 
 Result<std::string> BlobStore::read(std::string_view sha256) const {
   std::string bytes;
-  const auto done = read_pieces(files_, path_of(sha256), [&](std::string_view piece) { bytes += piece; });
+  const auto done = read_pieces(files_, path_of(sha256), appending_to(bytes));
   if (!done) return tl::unexpected(done.error());
   if (sha256_hex(bytes) != sha256) return tl::unexpected(damaged(sha256));
   return bytes;
 }
 
-Result<void> BlobStore::verify(std::string_view sha256) const {
+Result<void> BlobStore::verify(std::string_view sha256, const std::function<bool()>& keep_going) const {
   Sha256 hash;
-  const auto done = read_pieces(files_, path_of(sha256), [&](std::string_view piece) { hash.update(piece); });
+  bool interrupted = false;
+  const auto done = read_pieces(files_, path_of(sha256), [&](std::string_view piece) {
+    hash.update(piece);
+    interrupted = !keep_going();
+    return !interrupted;
+  });
   if (!done) return done;
+  if (interrupted) return fail("interrupted", "the stored bytes were not read to their end");
   if (hash.hex() != sha256) return tl::unexpected(damaged(sha256));
   return {};
 }
@@ -158,6 +183,61 @@ Result<std::vector<std::string>> BlobStore::list() const {
   }
   std::sort(names.begin(), names.end());
   return names;
+}
+
+Result<void> BlobStore::belong_to(Store& store) {
+  const auto identity = store.identity();
+  if (!identity) return tl::unexpected(identity.error());
+  const auto known = files_.exists(identity_of(data_dir_));
+  if (!known) return tl::unexpected(known.error());
+  if (!*known) {
+    return check_content(store).and_then([&] { return write_identity(*identity); });
+  }
+  std::string written;
+  if (const auto read = read_pieces(files_, identity_of(data_dir_), appending_to(written)); !read) return read;
+  if (written == *identity) return {};
+  return fail(
+      "store_mismatch",
+      fmt::format("the recordings in {} belong to another database: is its disk mounted, and are --data-dir and "
+                  "--database the ones that go together?",
+                  data_dir_));
+}
+
+/// A folder that does not say whose it is: new, or of a version that did not write it.
+Result<void> BlobStore::check_content(Store& store) const {
+  const auto blobs = list();
+  if (!blobs) return tl::unexpected(blobs.error());
+  const auto named = store.referenced_blobs("", 1);
+  if (!named) return tl::unexpected(named.error());
+  bool is_known = blobs->empty();
+  for (const std::string& blob : *blobs) {
+    const auto referenced = store.blob_is_referenced(blob);
+    if (!referenced) return tl::unexpected(referenced.error());
+    is_known = *referenced;
+    if (is_known) break;
+  }
+  if (!is_known) {
+    return fail(
+        "store_mismatch",
+        fmt::format("the database knows none of the {} recordings in {}: is its disk mounted, and are --data-dir "
+                    "and --database the ones that go together?",
+                    blobs->size(), data_dir_));
+  }
+  if (!blobs->empty() || named->empty()) return {};
+  return fail("store_mismatch",
+              fmt::format("none of the recordings that the database names is in {}: is it mounted, and are --data-dir "
+                          "and --database the ones that go together?",
+                          data_dir_));
+}
+
+Result<void> BlobStore::write_identity(const std::string& identity) {
+  const std::string temporary = fmt::format("{}/{}", incoming_of(data_dir_), random_name());
+  const auto fd = files_.create(temporary);
+  if (!fd) return tl::unexpected(fd.error());
+  const auto written = files_.write(*fd, identity).and_then([&] { return files_.sync(*fd); });
+  files_.close(*fd);
+  if (!written) return written;
+  return files_.rename(temporary, identity_of(data_dir_)).and_then([&] { return files_.sync_directory(data_dir_); });
 }
 
 Result<int> BlobStore::sweep(Store& store) {

@@ -3,6 +3,7 @@
 #include <array>
 #include <atomic>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -54,6 +55,7 @@ class BlobWriter {
 
 /// Raw bytes as they were sent (expanded), each stored once under its SHA-256, never changed.
 ///
+///   <data-dir>/store-id                  which database the recordings belong to
 ///   <data-dir>/incoming/<random>         on the way in
 ///   <data-dir>/blobs/ab/ab34...          stored, mode 0440
 ///
@@ -73,22 +75,33 @@ class BlobStore {
   /// The whole blob. Errors `not_found`, `io_error`; `blob_damaged` if its bytes no longer have its hash.
   Result<std::string> read(std::string_view sha256) const;
 
-  /// Hashes the blob as it lies there; reads in pieces. Errors as `read`.
-  Result<void> verify(std::string_view sha256) const;
+  /// Hashes the blob as it lies there; reads in pieces and asks before each whether to go on. Errors as `read`;
+  /// `interrupted`.
+  Result<void> verify(
+      std::string_view sha256, const std::function<bool()>& keep_going = [] { return true; }) const;
 
   Result<std::int64_t> free_bytes() const;
 
   /// Every blob there is, in order.
   Result<std::vector<std::string>> list() const;
 
-  /// At start, before any upload: removes all of incoming/, and blobs that no recording names and that are older than
-  /// 24 h. Returns how many files went.
+  /// At start, before anything is swept: the folder says that it is this database's, or is told so if it is new. An
+  /// empty database beside a folder of recordings is one that was not mounted, and every recording would be an orphan.
+  ///
+  /// Errors  `store_mismatch` the folder is another database's, or its recordings are none of this one's, or this one's
+  ///         are not there; `no_space`, `io_error`
+  Result<void> belong_to(Store& store);
+
+  /// At start, before any upload, where the folder belongs to the database: removes all of incoming/, and blobs that no
+  /// recording names and that are older than 24 h. Returns how many files went.
   Result<int> sweep(Store& store);
 
  private:
   friend class BlobWriter;
   BlobStore(std::string data_dir, FileSystem& files, const Clock& clock);
   Result<void> ensure_shard(std::string_view sha256);
+  Result<void> check_content(Store& store) const;
+  Result<void> write_identity(const std::string& identity);
 
   std::string data_dir_;
   FileSystem& files_;

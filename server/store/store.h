@@ -437,7 +437,9 @@ class Store {
   // --- operations ----------------------------------------------------------------------------------------------------
   /// Proves that a write would be durable now.
   virtual Result<void> probe() = 0;
-  /// Which of these blobs a recording names.
+  /// Which database this is, for as long as it lives; a backup is the same one.
+  virtual Result<std::string> identity() = 0;
+  /// Whether a recording names this blob.
   virtual Result<bool> blob_is_referenced(std::string_view sha256) = 0;
   /// Every blob a recording names, each once, in order, after `after`; at most `limit`.
   virtual Result<std::vector<std::string>> referenced_blobs(std::string_view after, int limit) = 0;

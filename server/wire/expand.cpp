@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <zlib.h>
 #include <zstd.h>
+#include <zstd_errors.h>
 
 #include <algorithm>
 #include <array>
@@ -15,8 +16,7 @@ namespace valvetriage {
 namespace {
 
 constexpr std::size_t kPieceBytes = 64 * 1024;
-constexpr int kGzipWindow = 15 + 16;   // zlib: largest window, gzip wrapper only
-constexpr int kMaxZstdWindowLog = 27;  // 128 MiB, what the zstd tool itself accepts without being asked
+constexpr int kGzipWindow = 15 + 16;  // zlib: largest window, gzip wrapper only
 
 tl::unexpected<Error> too_large(std::uint64_t max_bytes) {
   Error error{.code = "too_large"};
@@ -119,9 +119,9 @@ class GzipSource : public CountedSource {
 
 class ZstdSource : public CountedSource {
  public:
-  ZstdSource(ByteSource& source, std::uint64_t max_bytes)
-      : CountedSource(source, max_bytes), stream_(ZSTD_createDStream()) {
-    ZSTD_DCtx_setParameter(stream_, ZSTD_d_windowLogMax, kMaxZstdWindowLog);
+  ZstdSource(ByteSource& source, std::uint64_t max_bytes, int window)
+      : CountedSource(source, max_bytes), window_(window), stream_(ZSTD_createDStream()) {
+    ZSTD_DCtx_setParameter(stream_, ZSTD_d_windowLogMax, window);
   }
   ~ZstdSource() override { ZSTD_freeDStream(stream_); }
 
@@ -139,6 +139,11 @@ class ZstdSource : public CountedSource {
         in_ = {piece->data(), piece->size(), 0};
       }
       const std::size_t hint = ZSTD_decompressStream(stream_, &out, &in_);
+      if (ZSTD_getErrorCode(hint) == ZSTD_error_frameParameter_windowTooLarge) {
+        return fail("malformed_encoding", fmt::format("the zstd data need a window of more than {} MiB: compress at "
+                                                      "level 19 at most, without --long",
+                                                      (1 << window_) >> 20));
+      }
       if (ZSTD_isError(hint)) return fail("malformed_encoding", "the zstd data are damaged or are not zstd");
       frame_done_ = hint == 0;
       more_inside_ = out.pos == out.size && !frame_done_;
@@ -151,6 +156,7 @@ class ZstdSource : public CountedSource {
     frame_done_ = more_inside_ = false;
   }
 
+  int window_;
   ZSTD_DStream* stream_;
   ZSTD_inBuffer in_{nullptr, 0, 0};
   bool frame_done_ = false;
@@ -160,13 +166,14 @@ class ZstdSource : public CountedSource {
 /// Expands once the first bytes have told how.
 class ToldByBytes : public ByteSource {
  public:
-  ToldByBytes(ByteSource& source, std::uint64_t max_bytes) : source_(source), max_bytes_(max_bytes) {}
+  ToldByBytes(ByteSource& source, std::uint64_t max_bytes, int zstd_window)
+      : source_(source), max_bytes_(max_bytes), zstd_window_(zstd_window) {}
 
   Result<std::size_t> read(std::span<char> buffer) override {
     if (!expanded_) {
       const auto head = source_.peek();
       if (!head) return tl::unexpected(head.error());
-      expanded_ = expand(compression_of_bytes(*head), source_, max_bytes_);
+      expanded_ = expand(compression_of_bytes(*head), source_, max_bytes_, zstd_window_);
     }
     return expanded_->read(buffer);
   }
@@ -175,6 +182,7 @@ class ToldByBytes : public ByteSource {
  private:
   PeekedSource source_;
   std::uint64_t max_bytes_;
+  int zstd_window_;
   std::unique_ptr<ByteSource> expanded_;
 };
 
@@ -206,20 +214,21 @@ Compression compression_of_bytes(std::string_view first_bytes) {
   return skippable || first_bytes.starts_with("\x28\xb5\x2f\xfd") ? Compression::kZstd : Compression::kNone;
 }
 
-std::unique_ptr<ByteSource> expand(Compression compression, ByteSource& source, std::uint64_t max_bytes) {
+std::unique_ptr<ByteSource> expand(Compression compression, ByteSource& source, std::uint64_t max_bytes,
+                                   int zstd_window) {
   switch (compression) {
     case Compression::kGzip:
       return std::make_unique<GzipSource>(source, max_bytes);
     case Compression::kZstd:
-      return std::make_unique<ZstdSource>(source, max_bytes);
+      return std::make_unique<ZstdSource>(source, max_bytes, zstd_window);
     case Compression::kNone:
       break;
   }
   return std::make_unique<PlainSource>(source, max_bytes);
 }
 
-std::unique_ptr<ByteSource> expand(ByteSource& source, std::uint64_t max_bytes) {
-  return std::make_unique<ToldByBytes>(source, max_bytes);
+std::unique_ptr<ByteSource> expand(ByteSource& source, std::uint64_t max_bytes, int zstd_window) {
+  return std::make_unique<ToldByBytes>(source, max_bytes, zstd_window);
 }
 
 }  // namespace valvetriage

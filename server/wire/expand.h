@@ -21,14 +21,24 @@ std::optional<Compression> compression_of_encoding(std::string_view content_enco
 /// By the first bytes: gzip 1f 8b, zstd 28 b5 2f fd or a skippable frame.
 Compression compression_of_bytes(std::string_view first_bytes);
 
+/// Windows of zstd frames as base 2 logarithms [bytes].
+///
+/// kToolsZstdWindow    128 MiB, what the zstd tool itself accepts without being asked
+/// kUploadZstdWindow   8 MiB, what levels up to 19 use: so much is held for each of many uploads at a time
+inline constexpr int kToolsZstdWindow = 27, kUploadZstdWindow = 23;
+
 /// The expanded bytes of a compressed source, which has to live longer. kNone counts the bytes and nothing else.
 /// gzip members and zstd frames that follow each other are one text.
 ///
-/// max_bytes  bound of the expanded bytes and of the compressed ones
-/// Errors     `too_large`; `malformed_encoding` (broken, cut off, not compressed at all); the source's own
-/// Memory     a fixed buffer, for zstd at most a window of 128 MiB
-std::unique_ptr<ByteSource> expand(Compression compression, ByteSource& source, std::uint64_t max_bytes);
+/// max_bytes    bound of the expanded bytes and of the compressed ones
+/// zstd_window  the largest that a frame may have
+/// Errors       `too_large`; `malformed_encoding` (broken, cut off, not compressed at all, a larger window); the
+/// source's
+///              own
+/// Memory       a fixed buffer, for zstd at most a window
+std::unique_ptr<ByteSource> expand(Compression compression, ByteSource& source, std::uint64_t max_bytes,
+                                   int zstd_window = kToolsZstdWindow);
 /// The same by the first bytes, whatever the file is called.
-std::unique_ptr<ByteSource> expand(ByteSource& source, std::uint64_t max_bytes);
+std::unique_ptr<ByteSource> expand(ByteSource& source, std::uint64_t max_bytes, int zstd_window = kToolsZstdWindow);
 
 }  // namespace valvetriage

@@ -34,6 +34,32 @@ TEST(HttpDocument, SaysWhyNoReferenceCanBeLearnedFromOneValve) {
   EXPECT_EQ(json_of(refused)["code"], "too_few_valves");
 }
 
+TEST(HttpDocument, IsAnotherOneUnderAnotherVersionThoughItsContentCameBefore) {
+  TestServer server({});
+  std::ifstream file(VALVETRIAGE_SOURCE_DIR "/schemas/examples/valid/reference_three_valves.json");
+  Json reference = parse_json(std::string(std::istreambuf_iterator<char>(file), {})).value();
+  for (const double noise : {0.3, 0.4, 0.3}) {
+    reference["noise_floor"] = noise;
+    ASSERT_EQ(server.post(kReferences, dump_json(reference)).status, 201);
+  }
+  const std::string first = server.get(std::string(kReferences) + "/1").header("ETag");
+  EXPECT_EQ(server.get(std::string(kReferences) + "/1", {{"If-None-Match", first}}).status, 304);
+  const RawAnswer newest = server.get(std::string(kReferences) + "/newest", {{"If-None-Match", first}});
+  EXPECT_EQ(newest.status, 200);
+  EXPECT_EQ(json_of(newest)["version"], 3);
+}
+
+TEST(HttpDocument, IsStoredUnderNoNameThatCouldNotBeShown) {
+  TestServer server({});
+  std::ifstream file(VALVETRIAGE_SOURCE_DIR "/schemas/examples/valid/rule_base_two_classes.json");
+  const std::string rule_base{std::istreambuf_iterator<char>(file), {}};
+  for (const std::string& name : {std::string("%FF"), std::string(5000, 'a')}) {
+    EXPECT_EQ(json_of(server.post("/v1/valve-types/" + name + "/rule-bases", rule_base))["code"], "bad_metadata");
+    const RawAnswer finding = server.post("/v1/valves/" + name + "/findings", R"({"cause":"friction","who":"kim"})");
+    EXPECT_EQ(json_of(finding)["code"], "bad_metadata");
+  }
+}
+
 TEST(HttpDocument, ListsComeInPagesAndAsCsvAndADocumentSaysItsVersion) {
   TestServer server({});
   constexpr const char* kRuleBases = "/v1/valve-types/type-1/rule-bases";

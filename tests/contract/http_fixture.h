@@ -31,6 +31,8 @@ class TestServer {
   explicit TestServer(const Options& options);
   ~TestServer();
 
+  /// Of its database and recordings.
+  const std::string& folder() const { return folder_.path(); }
   int port() const { return front_->endpoint().port; }
   Store& store() { return *store_; }
   http::Service& service() { return service_; }

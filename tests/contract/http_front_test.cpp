@@ -5,6 +5,7 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
+#include <array>
 #include <atomic>
 #include <cerrno>
 #include <chrono>
@@ -12,6 +13,8 @@
 #include <utility>
 #include <vector>
 
+#include "server/http/connection.h"
+#include "server/http/front.h"
 #include "server/http/limits.h"
 #include "server/http/routes.h"
 #include "tests/contract/http_fixture.h"
@@ -120,6 +123,22 @@ TEST(HttpFront, ServesManyRequestsOfOneConnectionAlsoWhenTheyComeAtOnce) {
   EXPECT_EQ(answers, 4u);
 }
 
+TEST(HttpFront, HoldsNoMoreOfAConnectionThatIsAlwaysARequestAhead) {
+  int ends[2];
+  ASSERT_EQ(socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK, 0, ends), 0);
+  http::Connection connection(ends[0], "unix");
+  const std::string head = "GET / HTTP/1.1\r\nX: " + std::string(10'000, 'a') + "\r\n\r\n";
+  ASSERT_EQ(write(ends[1], head.data(), head.size()), static_cast<ssize_t>(head.size()));
+  for (int request = 0; request < 100; ++request) {
+    ASSERT_EQ(write(ends[1], head.data(), head.size()), static_cast<ssize_t>(head.size()));
+    ASSERT_TRUE(connection.fill());
+    EXPECT_EQ(connection.take(connection.head_size()), head);
+  }
+  EXPECT_GT(connection.buffered(), 0u);
+  EXPECT_LT(connection.held(), 4 * head.size());
+  close(ends[1]);
+}
+
 TEST(HttpFront, InvitesABodyOnlyWhenItWillBeRead) {
   TestServer server({.tokens_required = true, .workers = 0, .limits = {}});
   const RawAnswer refused =
@@ -177,7 +196,8 @@ TEST(HttpFront, AnswersToTheNamesOfThisMachineOnlySoThatNoOtherNameCanBeReboundT
 /// A connection of a test's own, held open.
 class Client {
  public:
-  explicit Client(const TestServer& server) { address_.sin_port = htons(static_cast<std::uint16_t>(server.port())); }
+  explicit Client(int port) { address_.sin_port = htons(static_cast<std::uint16_t>(port)); }
+  explicit Client(const TestServer& server) : Client(server.port()) {}
   Client(Client&& other) noexcept : descriptor_(std::exchange(other.descriptor_, -1)), address_(other.address_) {}
   Client& operator=(Client&&) = delete;
   ~Client() {
@@ -211,6 +231,36 @@ class Client {
   int descriptor_ = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
   sockaddr_in address_{.sin_family = AF_INET, .sin_port = 0, .sin_addr = {htonl(INADDR_LOOPBACK)}, .sin_zero = {}};
 };
+
+TEST(HttpFront, CutsOffAnUploadThatOutlastsAServerThatWasToldToStop) {
+  auto listener = http::Listener::open({.host = "127.0.0.1", .port = 0, .socket_path = {}});
+  ASSERT_TRUE(listener);
+  std::atomic<bool> is_read = false;
+  std::string end;
+  http::Front front(
+      std::move(*listener), 1,
+      [&](http::Request& request) {
+        std::array<char, 16> bytes;
+        is_read = true;
+        Result<std::size_t> n = 0;
+        do {
+          n = request.body->read(bytes);
+        } while (n && *n > 0);
+        if (!n) end = n.error().code;
+        return http::Response{};
+      },
+      [](const http::Answered&) {});
+  std::atomic<bool> told = false;
+  std::thread serving([&] { front.run([&] { told = true; }, std::chrono::milliseconds(100)); });
+  const Client client(front.endpoint().port);
+  ASSERT_TRUE(client.connects());
+  client.says(std::string(kPost) + "Content-Length: 1000000\r\n\r\nnot all of it");
+  while (!is_read) std::this_thread::yield();
+  front.stop();
+  serving.join();
+  EXPECT_TRUE(told);
+  EXPECT_EQ(end, "incomplete_body") << "it has ten seconds and more where nobody ends it";
+}
 
 TEST(HttpFront, TakesConnectionsAgainOnceTheMachineHasDescriptorsForThem) {
   TestServer server({});

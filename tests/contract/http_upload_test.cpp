@@ -2,6 +2,8 @@
 #include <zlib.h>
 #include <zstd.h>
 
+#include <filesystem>
+
 #include "core/recording/limits.h"
 #include "server/wire/sha256.h"
 #include "tests/contract/bad_inputs.h"
@@ -138,6 +140,55 @@ TEST(HttpUpload, OfTheSameBytesForTheSameLotAndSerialIsTheFirstRecording) {
   EXPECT_EQ(again.status, 200);
   EXPECT_EQ(json_of(again)["id"], first["id"]);
   EXPECT_EQ(server.post("/v1/recordings", good_csv("EFC-2")).status, 202);
+}
+
+/// A recording whose columns nobody has named yet, sent and rejected.
+class OtherColumns : public testing::Test {
+ protected:
+  OtherColumns() {
+    csv_.replace(csv_.find("time_s,current_A,pressure_psi"), 29, "t_s,u,y");
+    self_ = "/v1/recordings/" + json_of(server_.post("/v1/recordings?name=a.csv", csv_))["id"].get<std::string>();
+    EXPECT_EQ(server_.await(self_)["state"], "rejected");
+  }
+
+  static constexpr const char* kNamed = "columns=time%3Dt_s,input%3Du,output%3Dy";
+  TestServer server_{{.workers = 1}};
+  std::string csv_ = good_csv("EFC-1"), self_;
+};
+
+TEST_F(OtherColumns, AreReadWhereTheRecordingIsSentAgainWithTheirNames) {
+  const RawAnswer again = server_.post(std::string("/v1/recordings?name=a.csv&") + kNamed, csv_);
+  EXPECT_EQ(again.status, 200) << again.body;
+  EXPECT_EQ("/v1/recordings/" + json_of(again)["id"].get<std::string>(), self_);
+  EXPECT_EQ(server_.await(self_)["state"], "done");
+}
+
+TEST_F(OtherColumns, AreReadWhereTheyAreAskedForAndRememberedFromThenOn) {
+  EXPECT_EQ(server_.post(self_ + "/reanalyze?columns=t_s", "").status, 422);
+  EXPECT_EQ(server_.post(self_ + "/reanalyze?" + kNamed, "").status, 202);
+  EXPECT_EQ(server_.await(self_)["state"], "done");
+  EXPECT_EQ(server_.post(self_ + "/reanalyze", "").status, 202);
+  EXPECT_EQ(server_.await(self_)["state"], "done");
+}
+
+TEST(HttpUpload, ToAServerWhoseFolderIsGoneIsTheServersFault) {
+  TestServer server({});
+  std::filesystem::remove_all(server.folder() + "/incoming");
+  const RawAnswer refused = server.post("/v1/recordings?name=a.csv", good_csv("EFC-1"));
+  EXPECT_EQ(refused.status, 500);
+  EXPECT_EQ(refused.body.find(server.folder()), std::string::npos) << "nobody outside is told of paths";
+}
+
+TEST(HttpUpload, WhoseStoredBytesWereCutShortIsNotGivenOutAsIfItWereWhole) {
+  TestServer server({});
+  const Json stored = json_of(server.post("/v1/recordings?name=a.csv", good_csv("EFC-1")));
+  const std::string sha256 = stored["sha256"];
+  const std::string blob = server.folder() + "/blobs/" + sha256.substr(0, 2) + "/" + sha256;
+  std::filesystem::permissions(blob, std::filesystem::perms::owner_write, std::filesystem::perm_options::add);
+  std::filesystem::resize_file(blob, 100);
+  const RawAnswer refused = server.get("/v1/recordings/" + stored["id"].get<std::string>() + "/raw");
+  EXPECT_EQ(refused.status, 500);
+  EXPECT_EQ(json_of(refused)["code"], "blob_damaged");
 }
 
 TEST(HttpUpload, WithoutASerialIsNeverADuplicate) {

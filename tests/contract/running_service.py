@@ -11,8 +11,8 @@ class RunningService:
     """`with RunningService(binary, *options) as service:`; `service.url`, `service.folder` for files of the test.
     `before(service)` runs when the folder is there and the server is not."""
 
-    def __init__(self, binary, *options, before=lambda service: None):
-        self.binary, self.options, self._before = str(binary), options, before
+    def __init__(self, binary, *options, before=lambda service: None, log=None):
+        self.binary, self.options, self._before, self._log_to = str(binary), options, before, log
 
     def __enter__(self):
         self._folder = tempfile.TemporaryDirectory(prefix="valvetriage-")
@@ -22,7 +22,7 @@ class RunningService:
         self._log = open(self.folder / "server.log", "wb")
         self._server = subprocess.Popen(
             [self.binary, "serve", "--listen", "127.0.0.1:0", "--data-dir", self.data, *self.options],
-            stdout=subprocess.PIPE, stderr=self._log, text=True)
+            stdout=subprocess.PIPE, stderr=self._log_to or self._log, text=True)
         said = self._server.stdout.readline()
         if not said.startswith("listening on "):
             self._server.wait()
@@ -30,9 +30,16 @@ class RunningService:
         self.url = said.removeprefix("listening on ").strip()
         return self
 
-    def __exit__(self, *_):
+    def stop(self):
         self._server.terminate()
         self._server.wait()
+
+    def read_no_log(self):
+        """Of a server that was started with log=subprocess.PIPE."""
+        self._server.stderr.close()
+
+    def __exit__(self, *_):
+        self.stop()
         self._server.stdout.close()
         self._log.close()
         self._folder.cleanup()

@@ -135,7 +135,26 @@ class Service(unittest.TestCase):
         self.assertEqual([item["id"] for item in self.service.get("/v1/recordings?serial=LOSSY-1")["items"]], [sent["id"]])
 
 
+class Log(unittest.TestCase):
+    def test_a_service_whose_log_nobody_reads_any_more_goes_on(self):
+        with RunningService(BINARY, log=subprocess.PIPE) as service:
+            service.read_no_log()
+            for _ in range(3):
+                self.assertEqual(service.request("/healthz")[0], 200)
+
+
 class Files(unittest.TestCase):
+    def test_a_folder_is_served_by_one_service_and_one_database(self):
+        with RunningService(BINARY) as service:
+            other = service.folder / "other.sqlite"
+            refused = service.run("serve", "--listen", "127.0.0.1:0", "--data-dir", service.data, "--database", other)
+            self.assertNotEqual(refused.returncode, 0)
+            self.assertIn("stop it first", refused.stderr)
+            service.stop()
+            refused = service.run("serve", "--listen", "127.0.0.1:0", "--data-dir", service.data, "--database", other)
+            self.assertNotEqual(refused.returncode, 0)
+            self.assertIn("belong to another database", refused.stderr)
+
     def test_a_service_that_starts_in_a_folder_that_is_there_keeps_its_files_from_others(self):
         with RunningService(BINARY, before=lambda service: service.data.mkdir()) as service:
             made = [*service.data.rglob("*")]

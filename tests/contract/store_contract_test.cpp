@@ -110,6 +110,39 @@ TEST_P(StoreContract, AnswersTheFirstRecordingForTheSameBytesLotAndSerial) {
   EXPECT_EQ(accept(alone(a_valve("lot-a", "EFC-2"), "bytes")).kind, AcceptKind::kCreated);
 }
 
+TEST_P(StoreContract, ReadsARejectedRecordingAgainWhereItIsSentWithOtherOptions) {
+  const NewSubmission request = alone(a_valve("lot-a", "EFC-1"), "bytes");
+  const Accepted first = accept(request);
+  ASSERT_TRUE(store_->end_attempt(claim().lease(), AttemptEnd::kRejected, R"({"code":"missing_column"})"));
+  EXPECT_EQ(accept(request).submission.state, JobState::kRejected) << "the same again comes to the same";
+  NewSubmission mended = request;
+  mended.options_json = R"({"columns":"time=t,input=u,output=y"})";
+  const Accepted again = accept(mended);
+  EXPECT_EQ(again.kind, AcceptKind::kDuplicate);
+  EXPECT_EQ(ids(again.recordings), ids(first.recordings));
+  EXPECT_EQ(again.submission.state, JobState::kQueued);
+  EXPECT_EQ(store_->job(again.submission.job_id)->options_json, mended.options_json);
+}
+
+TEST_P(StoreContract, TakesOverTheValveTypeThatARejectedRecordingLacked) {
+  Labels untyped = a_valve("lot-a", "EFC-1");
+  untyped.valve_type.reset();
+  accept(alone(untyped, "bytes"));
+  ASSERT_TRUE(store_->end_attempt(claim().lease(), AttemptEnd::kRejected, "{}"));
+  const Accepted again = accept(alone(a_valve("lot-a", "EFC-1"), "bytes"));
+  EXPECT_EQ(again.submission.state, JobState::kQueued);
+  EXPECT_EQ(again.submission.labels.valve_type, "type-1");
+}
+
+TEST_P(StoreContract, AsksNothingAnewOfARecordingThatHasItsResult) {
+  accept(alone(a_valve("lot-a", "EFC-1"), "bytes"));
+  ASSERT_TRUE(store_->finish(claim().lease(), an_analysis("Good")));
+  NewSubmission other = alone(a_valve("lot-a", "EFC-1"), "bytes");
+  other.options_json = R"({"sample_rate_hz":100})";
+  EXPECT_EQ(accept(other).submission.state, JobState::kDone);
+  EXPECT_FALSE(*store_->claim("w", kLeaseMs));
+}
+
 TEST_P(StoreContract, FindsNothingADuplicateWithoutASerial) {
   Labels nameless = a_valve("lot-a", "");
   nameless.serial.reset();
@@ -326,6 +359,22 @@ TEST_P(StoreContract, KeepsTheResidualsOfTheNewestAnalysisWhereItHasAny) {
   EXPECT_EQ(*store_->newest_residuals(accepted.submission.id), analysis.residuals_json);
   ASSERT_TRUE(store_->finish(claim().lease(), an_analysis("Good")));
   EXPECT_EQ(*store_->newest_residuals(accepted.submission.id), "");
+}
+
+TEST_P(StoreContract, ShowsWhatWasAskedLastThoughAnEarlierJobEndsLater) {
+  const Accepted accepted = accept(alone(a_valve("lot-a", "EFC-1"), "one"));
+  const JobRow earlier = claim();
+  ASSERT_TRUE(store_->reanalyze(accepted.submission.id, "{}", "local", 10));
+  const JobRow later = claim();
+  ASSERT_TRUE(store_->finish(later.lease(), an_analysis("Severe")));
+  const auto stored = store_->finish(earlier.lease(), an_analysis("Good"));
+  ASSERT_TRUE(stored);
+  EXPECT_EQ(stored->summary.verdict, "Good") << "the answer is the analysis of this job";
+  EXPECT_EQ(store_->submission(accepted.submission.id)->summary.verdict, "Severe");
+  EXPECT_EQ(store_->newest_analysis(accepted.submission.id)->summary.verdict, "Severe");
+  EXPECT_EQ(store_->analyses_of(accepted.submission.id)->at(0).summary.verdict, "Severe");
+  EXPECT_EQ(store_->lot("lot-a")->verdicts.at("Severe"), 1);
+  EXPECT_EQ(*store_->check(), std::vector<std::string>{});
 }
 
 TEST_P(StoreContract, TakesNoSecondResultForAJob) {

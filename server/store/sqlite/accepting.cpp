@@ -85,6 +85,26 @@ std::optional<Answer> same_submission(Connection& connection, const NewSubmissio
   return Answer{.submission_seq = query.integer(), .recording_id = {}, .created = false};
 }
 
+/// What came to nothing as it was read is read again where it is sent once more and asked for otherwise: with the names
+/// of its columns, or the type of its valve.
+Result<void> read_again(const Write& in, const NewSubmission& submission, const Answer& same) {
+  Query query = in.connection.query(
+      "SELECT s.state, j.options, s.valve_type IS NULL FROM submissions s JOIN jobs j ON j.id = s.job_id WHERE s.seq = "
+      "?",
+      same.submission_seq);
+  if (!query.next()) return {};
+  const JobState state = read_state(query);
+  const bool is_asked_otherwise = query.text() != submission.options_json;
+  const bool is_typed_now = query.integer() != 0 && submission.labels.valve_type.has_value();
+  if (!is_final(state) || state == JobState::kDone || !(is_asked_otherwise || is_typed_now)) return {};
+  in.connection.run("UPDATE submissions SET valve_type = coalesce(valve_type, ?) WHERE seq = ?",
+                    submission.labels.valve_type, same.submission_seq);
+  const auto job =
+      enqueue(in, same.submission_seq, submission.options_json, submission.actor, submission.max_queued_jobs);
+  if (!job) return tl::unexpected(job.error());
+  return {};
+}
+
 void remember_answer(const Write& in, const NewSubmission& submission, const Answer& answer) {
   if (!submission.idempotency) return;
   in.connection.run("INSERT INTO idempotency VALUES (?, ?, ?, ?, ?, ?, ?)", submission.idempotency->principal,
@@ -195,6 +215,7 @@ Result<Accepted> accept(const Write& in, const NewSubmission& submission) {
   const auto same =
       submission.alone ? same_recording(in.connection, submission) : same_submission(in.connection, submission);
   if (same) {
+    if (auto asked = read_again(in, submission, *same); !asked) return tl::unexpected(asked.error());
     remember_answer(in, submission, *same);
     return describe(in.connection, *same, AcceptKind::kDuplicate);
   }

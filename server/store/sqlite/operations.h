@@ -57,6 +57,7 @@ Result<QueueStats> queue_stats(Connection& connection);
 // records.cpp
 Result<std::vector<AnalysisRow>> analyses_of(Connection& connection, std::string_view submission_id);
 Result<AnalysisRow> newest_analysis(Connection& connection, std::string_view submission_id);
+Result<AnalysisRow> analysis_of_job(Connection& connection, std::string_view job_id);
 Result<std::string> analysis_body_zstd(Connection& connection, std::string_view analysis_id);
 /// Of the newest analysis; empty where it kept none.
 Result<std::string> newest_residuals_zstd(Connection& connection, std::string_view submission_id);
@@ -79,6 +80,7 @@ Result<std::vector<TokenRow>> list_tokens(Connection& connection);
 Result<void> revoke_token(const Write& in, std::string_view id, std::string_view actor);
 Result<std::vector<EventRow>> events_after(Connection& connection, std::int64_t cursor, int limit);
 Result<std::int64_t> newest_event(Connection& connection);
+Result<std::string> identity(Connection& connection);
 Result<bool> blob_is_referenced(Connection& connection, std::string_view sha256);
 Result<std::vector<std::string>> referenced_blobs(Connection& connection, std::string_view after, int limit);
 Result<std::vector<std::string>> check(Connection& connection);

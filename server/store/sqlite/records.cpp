@@ -97,7 +97,8 @@ std::vector<FindingRow> read_findings(Query& query) {
 
 Result<std::vector<AnalysisRow>> analyses_of(Connection& connection, std::string_view submission_id) {
   static const std::string sql = fmt::format(
-      "SELECT {} FROM analyses a JOIN submissions s ON s.seq = a.submission_seq WHERE s.seq = ? ORDER BY a.seq DESC",
+      "SELECT {} FROM analyses a JOIN submissions s ON s.seq = a.submission_seq JOIN jobs j ON j.id = a.job_id "
+      "WHERE s.seq = ? ORDER BY j.seq DESC",
       kAnalysisColumns);
   const auto seq = submission_seq(connection, submission_id);
   if (!seq) return tl::unexpected(seq.error());
@@ -109,13 +110,21 @@ Result<std::vector<AnalysisRow>> analyses_of(Connection& connection, std::string
 
 Result<AnalysisRow> newest_analysis(Connection& connection, std::string_view submission_id) {
   static const std::string sql = fmt::format(
-      "SELECT {} FROM analyses a JOIN submissions s ON s.seq = a.submission_seq WHERE s.seq = ? ORDER BY a.seq DESC "
-      "LIMIT 1",
+      "SELECT {} FROM analyses a JOIN submissions s ON s.seq = a.submission_seq JOIN jobs j ON j.id = a.job_id "
+      "WHERE s.seq = ? ORDER BY j.seq DESC LIMIT 1",
       kAnalysisColumns);
   const auto seq = submission_seq(connection, submission_id);
   if (!seq) return tl::unexpected(seq.error());
   Query query = connection.query(sql, *seq);
   if (!query.next()) return fail("not_found", fmt::format("there is no analysis of '{}' yet", submission_id));
+  return read_analysis(query);
+}
+
+Result<AnalysisRow> analysis_of_job(Connection& connection, std::string_view job_id) {
+  static const std::string sql = fmt::format(
+      "SELECT {} FROM analyses a JOIN submissions s ON s.seq = a.submission_seq WHERE a.job_id = ?", kAnalysisColumns);
+  Query query = connection.query(sql, job_id);
+  if (!query.next()) return fail("not_found", fmt::format("there is no analysis of the job '{}'", job_id));
   return read_analysis(query);
 }
 
@@ -128,9 +137,9 @@ Result<std::string> analysis_body_zstd(Connection& connection, std::string_view 
 
 Result<std::string> newest_residuals_zstd(Connection& connection, std::string_view submission_id) {
   Query query = connection.query(
-      "SELECT r.residuals FROM submissions s JOIN analyses a ON a.submission_seq = s.seq LEFT JOIN analysis_residuals "
-      "r "
-      "ON r.analysis_seq = a.seq WHERE s.id = ? ORDER BY a.seq DESC LIMIT 1",
+      "SELECT r.residuals FROM submissions s JOIN analyses a ON a.submission_seq = s.seq JOIN jobs j ON j.id = "
+      "a.job_id "
+      "LEFT JOIN analysis_residuals r ON r.analysis_seq = a.seq WHERE s.id = ? ORDER BY j.seq DESC LIMIT 1",
       submission_id);
   if (!query.next()) return fail("not_found", fmt::format("there is no analysis of '{}' yet", submission_id));
   return query.text();
@@ -270,6 +279,12 @@ Result<std::vector<EventRow>> events_after(Connection& connection, std::int64_t 
     rows.push_back(std::move(row));
   }
   return rows;
+}
+
+Result<std::string> identity(Connection& connection) {
+  Query query = connection.query("SELECT id FROM store_identity");
+  if (!query.next()) return fail("store_broken", "the database does not say which one it is");
+  return query.text();
 }
 
 Result<bool> blob_is_referenced(Connection& connection, std::string_view sha256) {

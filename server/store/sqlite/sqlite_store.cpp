@@ -1,16 +1,12 @@
 #include "server/store/sqlite/sqlite_store.h"
 
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/file.h>
-#include <unistd.h>
 
-#include <chrono>
 #include <filesystem>
 #include <optional>
-#include <thread>
 #include <utility>
 
+#include "server/store/file_lock.h"
 #include "server/store/sqlite/lanes.h"
 #include "server/store/sqlite/migrate.h"
 #include "server/store/sqlite/operations.h"
@@ -21,43 +17,6 @@ namespace {
 
 using sqlite::Connection;
 using sqlite::Write;
-
-using std::chrono::milliseconds;
-using std::chrono::steady_clock;
-
-/// A server that is killed between fork and exec of a child leaves its lock with that child until the child is next
-/// scheduled and sees its parent gone: whoever restarts the server at once comes before that on a busy machine.
-constexpr milliseconds kLockPatience{1000};
-constexpr milliseconds kLockPoll{10};
-
-/// Held as long as it lives; the kernel lets go of it with the process, however that ends.
-class FileLock {
- public:
-  static Result<FileLock> take(const std::string& path) {
-    const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0640);
-    if (fd < 0) return fail("store_broken", fmt::format("cannot open the lock file {}", path));
-    FileLock lock(fd);
-    const auto last_try = steady_clock::now() + kLockPatience;
-    for (; ::flock(fd, LOCK_EX | LOCK_NB) != 0; std::this_thread::sleep_for(kLockPoll)) {
-      if (steady_clock::now() >= last_try) return held_by_another(path);
-    }
-    return lock;
-  }
-  FileLock(FileLock&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
-  FileLock& operator=(FileLock&&) = delete;
-  ~FileLock() {
-    if (fd_ >= 0) ::close(fd_);
-  }
-
- private:
-  explicit FileLock(int fd) : fd_(fd) {}
-
-  static tl::unexpected<Error> held_by_another(const std::string& path) {
-    return fail("store_locked", fmt::format("another valvetriage has this database open ({}): stop it first", path));
-  }
-
-  int fd_;
-};
 
 class SqliteStore final : public Store {
  public:
@@ -202,6 +161,9 @@ class SqliteStore final : public Store {
       return Result<void>{};
     });
   }
+  Result<std::string> identity() override {
+    return readers_.run([](Connection& c) { return sqlite::identity(c); });
+  }
   Result<bool> blob_is_referenced(std::string_view sha256) override {
     return readers_.run([&](Connection& c) { return sqlite::blob_is_referenced(c, sha256); });
   }
@@ -248,7 +210,10 @@ auto guarded(const std::string& file, const Work& work) -> decltype(work()) {
 
 Result<std::unique_ptr<Store>> open_sqlite_store(const std::string& database_file, const SqliteOptions& options) {
   return guarded(database_file, [&]() -> Result<std::unique_ptr<Store>> {
-    auto lock = FileLock::take(database_file + ".lock");
+    // Whichever way its path leads there, one database has one lock.
+    std::error_code unknown;
+    const auto canonical = std::filesystem::weakly_canonical(database_file, unknown);
+    auto lock = FileLock::take((unknown ? database_file : canonical.string()) + ".lock", "this database");
     if (!lock) return tl::unexpected(lock.error());
     auto writer = std::make_unique<Connection>(database_file, sqlite::Access::kWrite);
     if (options.migrate) {

@@ -214,14 +214,14 @@ TEST(KnownTests, AHoldIsKnownThroughTheNoiseOfItsMeter) {
 
 TEST(KnownTests, WhatIsTakenOffIsPutBack) {
   std::vector<Recording> recordings{stepped()};
-  const std::vector<std::vector<double>> common{std::vector<double>(kTestSamples, 0.5)};
-  take_off(common[0], recordings[0]);
+  const std::vector<double> common(kTestSamples, 0.5);
+  take_off(common, recordings[0]);
   EXPECT_EQ(recordings[0].output.values[4], -0.5);
-  std::vector<std::vector<double>> runs{std::vector<double>(kTestSamples, 2.0)};
-  put_back(common, runs);
-  EXPECT_EQ(runs[0][3], 2.5);
-  put_back({}, runs);
-  EXPECT_EQ(runs[0][3], 2.5);
+  std::vector<double> run(kTestSamples, 2.0);
+  put_back(common, run);
+  EXPECT_EQ(run[3], 2.5);
+  put_back({}, run);
+  EXPECT_EQ(run[3], 2.5);
 }
 
 }  // namespace

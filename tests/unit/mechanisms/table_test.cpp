@@ -23,17 +23,17 @@ std::string file(const std::string& path) {
 std::string_view place_name(Place place) {
   switch (place) {
     case Place::kInput:
-      return "input";
+      return "acts on the input";
     case Place::kPosition:
-      return "position";
+      return "acts on the position";
     case Place::kSteady:
-      return "steady output";
+      return "acts on the steady output";
     case Place::kPhysics:
-      return "inside the valve";
+      return "acts inside the valve";
     case Place::kOutput:
-      return "reading";
+      return "acts on the reading";
     case Place::kReading:
-      return "reading, behind every other law";
+      return "acts on the reading, behind every other law";
   }
   return "";
 }
@@ -57,9 +57,16 @@ std::string parameters_of(const Mechanism& law) {
 std::string table_of_causes() {
   std::string text =
       "# Physical causes\n\n"
-      "One file is one cause: `<cause>.cpp`, its name the cause's name. CMake makes the list of all of them from the "
-      "names, so a new cause is one new file; this page is made from the code (`tests/unit/mechanisms/table_test.cpp` "
-      "fails when it is stale and says how to write it).\n\n"
+      "One file is one cause: `<cause>.cpp`, its name the cause's name; CMake makes the list of all of them from the "
+      "names. This page is made from the code (`tests/unit/mechanisms/table_test.cpp` fails when it is stale and says "
+      "how to write it). A new cause is\n\n"
+      "- its file here: law, bounds, starts, source, and its place in the `order` of all;\n"
+      "- its name in the two lists of `schemas` and in the contract's list of that test;\n"
+      "- in `core/discrepancy/valve_catalogue.cpp` where it is looked for, if not from the file's own starts (a tone, "
+      "an "
+      "instant, a channel);\n"
+      "- in `core/discrepancy/machine_trials.cpp` a trial, if it is to be found without a reference;\n"
+      "- an effect of richer physics in `tests/stand`, so that the suites hide it.\n\n"
       "A law acts on the input, on the spool's position, on the steady output behind the static map, inside the "
       "valve's "
       "own blocks, or on the reading:\n\n"
@@ -69,7 +76,7 @@ std::string table_of_causes() {
       "```\n";
   for (const Mechanism* law : all_mechanisms()) {
     text += fmt::format("\n## {}\n\n{}.\n\n", law->cause, law->wrong);
-    text += fmt::format("- Family {}, origin {}, acts on the {}\n", law->family, law->origin, place_name(law->place));
+    text += fmt::format("- Family {}, origin {}, {}\n", law->family, law->origin, place_name(law->place));
     text += fmt::format("- Law: {}\n", law->law);
     text += fmt::format("- Parameters: {}\n", parameters_of(*law));
     text += fmt::format("- Looks like: {}\n", law->signature);

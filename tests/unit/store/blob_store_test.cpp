@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
+#include <filesystem>
 #include <fstream>
 
 #include "server/jobs/accept.h"
@@ -46,6 +47,56 @@ TEST_F(Blobs, AreStoredOnceHoweverOftenTheyCome) {
   ASSERT_TRUE(put(*blobs_, "bytes"));
   ASSERT_TRUE(put(*blobs_, "bytes"));
   EXPECT_EQ(blobs_->list()->size(), 1u);
+}
+
+TEST_F(Blobs, AreNotReadToTheirEndOnceNobodyWantsThem) {
+  const auto blob = put(*blobs_, std::string(1 << 18, 'a'));
+  int pieces = 0;
+  const auto verified = blobs_->verify(blob->sha256(), [&] { return ++pieces < 2; });
+  ASSERT_FALSE(verified);
+  EXPECT_EQ(verified.error().code, "interrupted");
+  EXPECT_EQ(pieces, 2);
+}
+
+TEST_F(Blobs, AreNoneOfACallersWhereTheirFolderIsGone) {
+  std::filesystem::remove_all(folder_.file("incoming"));
+  EXPECT_EQ(blobs_->begin(10).error().code, "io_error");
+}
+
+/// The folder of one database's recordings.
+class DataFolder : public Blobs {
+ protected:
+  std::unique_ptr<Store> database(const std::string& name) {
+    return std::move(*open_sqlite_store(folder_.file(name), {.readers = 1}));
+  }
+  void accept_into(Store& store, const std::string& content) {
+    ASSERT_TRUE(put(*blobs_, content));
+    ASSERT_TRUE(store.accept(test::alone(test::a_valve("lot", "EFC-1"), content)));
+  }
+  std::string refusal(Store& store) {
+    const auto ours = blobs_->belong_to(store);
+    return ours ? "" : ours.error().code;
+  }
+};
+
+TEST_F(DataFolder, BelongsToTheDatabaseThatFirstServedFromIt) {
+  const auto first = database("first.sqlite"), second = database("second.sqlite");
+  EXPECT_EQ(refusal(*first), "");
+  EXPECT_EQ(refusal(*first), "");
+  EXPECT_EQ(refusal(*second), "store_mismatch");
+}
+
+TEST_F(DataFolder, IsNoEmptyDatabasesWhereItHoldsRecordings) {
+  const auto served = database("served.sqlite"), empty = database("empty.sqlite");
+  accept_into(*served, "bytes");
+  EXPECT_EQ(refusal(*empty), "store_mismatch");
+  EXPECT_EQ(refusal(*served), "") << "of a version that did not write whose it is";
+}
+
+TEST_F(DataFolder, IsNoDatabasesWhoseRecordingsAreElsewhere) {
+  const auto served = database("served.sqlite");
+  ASSERT_TRUE(served->accept(test::alone(test::a_valve("lot", "EFC-1"), "bytes")));
+  EXPECT_EQ(refusal(*served), "store_mismatch");
 }
 
 TEST_F(Blobs, MayBeAsLargeAsTheCapAndNoLarger) {
