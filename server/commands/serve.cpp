@@ -41,8 +41,8 @@ Result<void> run(const ServeArguments& arguments) {
 
 /// What the machine or the state of the data keeps from starting; everything else is in the caller's hands.
 ExitStatus status_of(const Error& error) {
-  for (const char* code : {"address_in_use", "cannot_listen", "store_locked", "store_broken", "no_space", "io_error",
-                           "cannot_make_folder"}) {
+  for (const char* code : {"address_in_use", "cannot_listen", "store_locked", "store_mismatch", "store_broken",
+                           "no_space", "io_error", "cannot_make_folder"}) {
     if (error.code == code) return kFailure;
   }
   return kBadInput;

@@ -82,8 +82,8 @@ void refuse(Outcome& outcome, Json problem, ExitStatus status) {
 void start_again(http::Client& client, Outcome& outcome) {
   const std::string state = outcome.document.value("state", "");
   if (state != "failed" && state != "poisoned" && state != "cancelled") return;
-  const auto answer = http::with_retries({}, [&] { return client.post(outcome.route + "/reanalyze", ""); });
-  if (!answer || answer->status != 202) return;  // what was there is told as it is
+  const auto answer = client.post(outcome.route + "/reanalyze", "");  // once: nothing tells a second one from a retry
+  if (!answer || answer->status != 202) return;                       // what was there is told as it is
   outcome.job_id = body_of(*answer).value("id", "");
   outcome.document["job_id"] = outcome.job_id;
   outcome.document["state"] = "queued";

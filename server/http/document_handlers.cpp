@@ -71,12 +71,9 @@ Result<GoodValve> good_valve(Service& service, const std::string& submission_id)
   if (rows->empty()) return fail("not_found", fmt::format("there is no submission '{}'", submission_id));
   GoodValve valve{.serial = rows->front().labels.serial.value_or(submission_id), .files = {}};
   for (const RecordingRow& row : *rows) {
-    const auto job = service.store.job(row.job_id);
-    if (!job) return tl::unexpected(job.error());
-    valve.files.push_back({.path = service.blobs.path_of(row.sha256),
-                           .name = row.name,
-                           .options_json = job->options_json,
-                           .test = row.test});
+    auto file = file_of(service, row);
+    if (!file) return tl::unexpected(file.error());
+    valve.files.push_back(std::move(*file));
   }
   return valve;
 }

@@ -268,8 +268,7 @@ Response Front::State::answer(Request& request) const {
   try {
     return handler(request);
   } catch (const std::exception& error) {
-    fmt::print(stderr, "{}\n",
-               dump_json(Json{{"event", "exception"}, {"request", request.id}, {"what", error.what()}}));
+    log_event("exception", fmt::format("request {}: {}", request.id, error.what()));
     return problem(
         Error{.code = "internal", .message = "an internal fault; the log has it under request " + request.id});
   }

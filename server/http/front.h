@@ -28,7 +28,8 @@ class Front {
   const Endpoint& endpoint() const;
 
   /// Serves until `stop`: then no new connection is taken, idle ones are closed, and `on_stop` is called while requests
-  /// under way are answered. Those that last longer than `patience` are cut off: nobody was told that they are done.
+  /// under way are answered. After `patience` their connections are ended: no upload and no reader that is slow is
+  /// waited for, and nobody was told that theirs is done.
   void run(
       const std::function<void()>& on_stop = [] {}, std::chrono::milliseconds patience = kStopPatience);
   /// May be called from any thread and from a signal handler.

@@ -44,7 +44,7 @@ inline constexpr double kMaxEventWaitSeconds = 30;
 /// A waiting request looks this often: a person does not notice, the database does not either.
 inline constexpr std::chrono::milliseconds kEventInterval{150};
 inline constexpr int kListenBacklog = 1024;
-/// A server that is told to stop answers what is under way for so long: service managers kill after 30 s or more.
+/// A server that is told to stop answers what is under way for so long; its jobs are handed back at once.
 inline constexpr std::chrono::seconds kStopPatience{20};
 
 /// Points of a series: more than any screen has pixels.

@@ -49,7 +49,7 @@ Result<ReceivedFile> receive_file(Service& service, ByteSource& bytes, const std
                                   const Metadata& options) {
   auto writer = service.blobs.begin(static_cast<std::int64_t>(kMaxExpandedBytes));
   if (!writer) return tl::unexpected(writer.error());
-  const auto expanded = expand(bytes, kMaxExpandedBytes, kUploadZstdWindow);
+  const auto expanded = expand(bytes, kMaxExpandedBytes, kUploadZstdWindowLog2);
   std::string head, piece(kPieceBytes, '\0');
   std::size_t unlooked = kBytesBetweenLooks;
   for (;;) {
@@ -121,7 +121,7 @@ Result<std::vector<ReceivedFile>> receive_files(Service& service, Request& reque
   const auto options = metadata_options(request);
   if (!options) return tl::unexpected(options.error());
   const std::uint64_t max_bytes = kMaxExpandedBytes * max_files + kMaxDocumentBytes;
-  const auto body = expand(*compression, *request.body, max_bytes, kUploadZstdWindow);
+  const auto body = expand(*compression, *request.body, max_bytes, kUploadZstdWindowLog2);
 
   const std::string_view type = request.head.header("content-type").value_or("");
   if (!to_lower_ascii(type).starts_with("multipart/")) {
@@ -144,7 +144,7 @@ Result<std::vector<ReceivedFile>> receive_files(Service& service, Request& reque
 Result<std::string> receive_document(Request& request, std::size_t max_bytes) {
   const auto compression = content_encoding(request);
   if (!compression) return tl::unexpected(compression.error());
-  const auto body = expand(*compression, *request.body, max_bytes, kUploadZstdWindow);
+  const auto body = expand(*compression, *request.body, max_bytes, kUploadZstdWindowLog2);
   std::string document, piece(kPieceBytes, '\0');
   for (;;) {
     const auto n = body->read(piece);

@@ -70,6 +70,18 @@ Result<void> check_exposure(const ServeOptions& options, const Listener& listene
               "submit,read' on the same database, then start again");
 }
 
+/// A new database is made, but not beside the recordings of another one: that is on a disk that is not mounted.
+Result<void> check_database_is_there(const ServeOptions& options, const BlobStore& blobs) {
+  const auto claimed = blobs.is_claimed();
+  if (!claimed) return tl::unexpected(claimed.error());
+  std::error_code unreadable;
+  if (!*claimed || std::filesystem::exists(options.database_file, unreadable)) return {};
+  return fail("store_mismatch",
+              fmt::format("there is no database {}, though {} holds the recordings of one: is every disk mounted, and "
+                          "are --data-dir and --database the ones that go together?",
+                          options.database_file, options.data_dir));
+}
+
 std::unique_ptr<WorkerPool> start_workers(const ServeOptions& options, Store& store, BlobStore& blobs) {
   if (options.workers == 0) return nullptr;
   WorkerOptions worker;
@@ -98,12 +110,13 @@ Result<void> serve(const ServeOptions& options, const std::function<void(const E
   const auto endpoint = parse_endpoint(options.listen);
   if (!endpoint) return tl::unexpected(endpoint.error());
   if (auto made = make_folder(options.data_dir); !made) return made;
-  const auto store = open_sqlite_store(options.database_file);
-  if (!store) return tl::unexpected(store.error());
-  const auto folder = FileLock::take(options.data_dir + "/serve.lock", "this data folder");
+  const auto folder = lock_data_folder(options.data_dir);
   if (!folder) return tl::unexpected(folder.error());
   const auto blobs = BlobStore::open(options.data_dir);
   if (!blobs) return tl::unexpected(blobs.error());
+  if (auto there = check_database_is_there(options, **blobs); !there) return there;
+  const auto store = open_sqlite_store(options.database_file);
+  if (!store) return tl::unexpected(store.error());
   auto listener = Listener::open(*endpoint);
   if (!listener) return tl::unexpected(listener.error());
   if (auto safe = check_exposure(options, *listener, **store); !safe) return safe;

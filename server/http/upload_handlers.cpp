@@ -93,7 +93,7 @@ Result<void> read_labels(Service& service, ReceivedFile& file, const std::string
   if (!place) return tl::unexpected(place.error());
   auto read = read_in_child(
       {.path = service.blobs.path_of(file.blob.sha256()), .name = file.name, .options_json = options_json},
-      WhatToRead::kLabels);
+      WhatToRead::kLabels, [&] { return !service.stopping(); });
   if (!read && status_of(read.error().code) == 503) return tl::unexpected(read.error());
   if (!read) return {};
   if (auto applied = apply_metadata_options(read->metadata, file.metadata); !applied) {
@@ -148,10 +148,8 @@ Response refusal(Service& service, const Error& error) {
 
 Response acceptance(Service& service, const Accepted& accepted, const Json& document, const std::string& location) {
   const bool stored_now = accepted.kind == AcceptKind::kCreated;
-  if (stored_now) {
-    service.metrics.count_accepted_recordings(accepted.recordings.size());
-    service.job_added();
-  }
+  if (stored_now) service.metrics.count_accepted_recordings(accepted.recordings.size());
+  if (accepted.submission.state == JobState::kQueued) service.job_added();
   const bool says_202 = stored_now || (accepted.kind == AcceptKind::kReplayed && accepted.first_created);
   Response response = json_response(document, says_202 ? 202 : 200);
   response.set_header("Location", location);
@@ -185,12 +183,12 @@ Result<Response> post_reanalyze(Service& service, Request& request) {
   }
   const auto submission = service.store.submission(submission_id);
   if (!submission) return tl::unexpected(submission.error());
-  const auto previous = service.store.job(submission->job_id);
-  if (!previous) return tl::unexpected(previous.error());
   const auto asked = reading_options(request);
   if (!asked) return tl::unexpected(asked.error());
-  const std::string options = asked->empty() ? previous->options_json : dump_json(*asked);
-  const auto job = service.store.reanalyze(submission_id, options, request.actor, service.limits.max_queued_jobs);
+  const auto options = asked->empty() ? reading_options_of(service.store, submission_id, submission->job_id)
+                                      : Result<std::string>(dump_json(*asked));
+  if (!options) return tl::unexpected(options.error());
+  const auto job = service.store.reanalyze(submission_id, *options, request.actor, service.limits.max_queued_jobs);
   if (!job) return refusal(service, job.error());
   service.job_added();
   Response response = json_response(view(*job), 202);

@@ -21,7 +21,7 @@
 namespace valvetriage {
 namespace {
 
-constexpr std::int64_t kPatienceMs = 30'000;
+constexpr std::int64_t kPatienceMs = 30'000, kProcessor_s = 20;
 constexpr std::size_t kMaxAnswerBytes = std::size_t{512} << 20;
 constexpr std::size_t kValuesPerLine = 4096;
 
@@ -127,20 +127,25 @@ class Answer {
 
 }  // namespace
 
-Result<RawRecording> read_in_child(const FileToRead& file, WhatToRead what, std::vector<std::string> command) {
+Result<RawRecording> read_in_child(const FileToRead& file, WhatToRead what, std::function<bool()> keep_going,
+                                   std::vector<std::string> command) {
   if (command.empty()) command = {"/proc/self/exe", std::string(kReadingVerb)};
   const std::string asked = dump_json({{"file", to_json(file)}, {"labels_only", what == WhatToRead::kLabels}});
-  const ChildLimits limits{.cpu_s = kPatienceMs / 1000, .wall_ms = kPatienceMs, .answer_bytes = kMaxAnswerBytes};
+  const ChildLimits limits{.cpu_s = kProcessor_s, .wall_ms = kPatienceMs, .answer_bytes = kMaxAnswerBytes};
   Answer answer;
   const auto ended = run_child_process(
       command, asked, limits,
-      {.on_line = [&](std::string_view line) { answer.take(line); }, .keep_going = [] { return true; }});
+      {.on_line = [&](std::string_view line) { answer.take(line); }, .keep_going = std::move(keep_going)});
   if (!ended) return tl::unexpected(ended.error());
-  if (ended->end == ChildEnd::kTimeout) {
+  if (ended->end == ChildEnd::kStopped) return fail("draining", "the server is shutting down; try again");
+  // A machine that is busy passes; a file that takes more processor than one may have does not.
+  if (ended->end == ChildEnd::kTimeout && ended->status == 0) {
     return fail("reading_timeout", "the file could not be read within the time that reading one may have; try again");
   }
   if (ended->end != ChildEnd::kExited || ended->status != 0) {
-    return fail("unreadable", "the file could not be read within the memory that reading one may have");
+    return fail("unreadable",
+                "the file could not be read within the processor time and memory that reading "
+                "one may have");
   }
   return std::move(answer).result(file.name);
 }

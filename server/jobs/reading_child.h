@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -21,12 +22,14 @@ enum class WhatToRead { kAll, kLabels };
 
 /// Starts a child, which reads the file, and takes over what it found.
 ///
-/// command  what reads; empty: this binary with the verb `reading-child`
-/// Errors   those of reading, with the position; `cannot_start_child`, `reading_timeout`, which may pass; `unreadable`
-///          where the child gave no answer
-/// Cost     blocks, 30 s at most; twice the parsed numbers
-Result<RawRecording> read_in_child(const FileToRead& file, WhatToRead what = WhatToRead::kAll,
-                                   std::vector<std::string> command = {});
+/// keep_going  asked several times a second; once it says no the child is ended
+/// command     what reads; empty: this binary with the verb `reading-child`
+/// Errors      those of reading, with the position; `cannot_start_child`, `reading_timeout`, `draining` (it was ended),
+///             which may pass; `unreadable` where the child gave no answer
+/// Cost        blocks, 30 s at most, of which 20 s of processor; twice the parsed numbers
+Result<RawRecording> read_in_child(
+    const FileToRead& file, WhatToRead what = WhatToRead::kAll, std::function<bool()> keep_going = [] { return true; },
+    std::vector<std::string> command = {});
 
 /// The child's whole life: the file to read from standard input, what it holds as lines of JSON on standard output. The
 /// exit status: 0 when an answer was given, whatever it was.

@@ -4,6 +4,7 @@
 
 #include <filesystem>
 
+#include "server/store/file_lock.h"
 #include "server/store/sqlite/sqlite_store.h"
 
 namespace valvetriage {
@@ -76,9 +77,12 @@ Result<BackupReport> restore(const std::string& folder, const std::string& datab
   if (!source) return tl::unexpected(source.error());
   const auto target = BlobStore::open(data_dir);
   if (!target) return tl::unexpected(target.error());
+  const auto lock = lock_data_folder(data_dir);
+  if (!lock) return tl::unexpected(lock.error());
   auto report = copy_blobs(**snapshot, **source, **target);
   if (!report) return report;
   if (const auto copied = (*snapshot)->backup(database_file); !copied) return tl::unexpected(copied.error());
+  if (const auto ours = (*target)->adopt(**snapshot); !ours) return tl::unexpected(ours.error());
   return report;
 }
 

@@ -23,6 +23,9 @@ std::string incoming_of(const std::string& data_dir) {
 std::string blobs_of(const std::string& data_dir) {
   return data_dir + "/blobs";
 }
+std::string orphans_of(const std::string& data_dir) {
+  return data_dir + "/orphans";
+}
 std::string identity_of(const std::string& data_dir) {
   return data_dir + "/store-id";
 }
@@ -50,6 +53,11 @@ auto appending_to(std::string& bytes) {
     bytes += piece;
     return true;
   };
+}
+
+tl::unexpected<Error> mismatch(const std::string& what) {
+  return fail("store_mismatch",
+              what + ": is every disk mounted, and are --data-dir and --database the ones that go together?");
 }
 
 /// A folder of ours that is gone is nothing that a caller asked for and there is none of.
@@ -185,22 +193,27 @@ Result<std::vector<std::string>> BlobStore::list() const {
   return names;
 }
 
+Result<bool> BlobStore::is_claimed() const {
+  return files_.exists(identity_of(data_dir_));
+}
+
+Result<void> BlobStore::adopt(Store& store) {
+  return store.identity().and_then([&](const std::string& identity) { return write_identity(identity); });
+}
+
 Result<void> BlobStore::belong_to(Store& store) {
+  const auto claimed = is_claimed();
+  if (!claimed) return tl::unexpected(claimed.error());
+  if (!*claimed) {
+    return check_content(store).and_then([&] { return adopt(store); });
+  }
   const auto identity = store.identity();
   if (!identity) return tl::unexpected(identity.error());
-  const auto known = files_.exists(identity_of(data_dir_));
-  if (!known) return tl::unexpected(known.error());
-  if (!*known) {
-    return check_content(store).and_then([&] { return write_identity(*identity); });
-  }
   std::string written;
   if (const auto read = read_pieces(files_, identity_of(data_dir_), appending_to(written)); !read) return read;
   if (written == *identity) return {};
-  return fail(
-      "store_mismatch",
-      fmt::format("the recordings in {} belong to another database: is its disk mounted, and are --data-dir and "
-                  "--database the ones that go together?",
-                  data_dir_));
+  return mismatch(
+      fmt::format("the recordings in {} belong to another database, as {} says", data_dir_, identity_of(data_dir_)));
 }
 
 /// A folder that does not say whose it is: new, or of a version that did not write it.
@@ -209,25 +222,16 @@ Result<void> BlobStore::check_content(Store& store) const {
   if (!blobs) return tl::unexpected(blobs.error());
   const auto named = store.referenced_blobs("", 1);
   if (!named) return tl::unexpected(named.error());
-  bool is_known = blobs->empty();
   for (const std::string& blob : *blobs) {
     const auto referenced = store.blob_is_referenced(blob);
     if (!referenced) return tl::unexpected(referenced.error());
-    is_known = *referenced;
-    if (is_known) break;
+    if (*referenced) return {};
   }
-  if (!is_known) {
-    return fail(
-        "store_mismatch",
-        fmt::format("the database knows none of the {} recordings in {}: is its disk mounted, and are --data-dir "
-                    "and --database the ones that go together?",
-                    blobs->size(), data_dir_));
+  if (!blobs->empty()) {
+    return mismatch(fmt::format("the database knows none of the {} recordings in {}", blobs->size(), data_dir_));
   }
-  if (!blobs->empty() || named->empty()) return {};
-  return fail("store_mismatch",
-              fmt::format("none of the recordings that the database names is in {}: is it mounted, and are --data-dir "
-                          "and --database the ones that go together?",
-                          data_dir_));
+  if (named->empty()) return {};
+  return mismatch(fmt::format("none of the recordings that the database names is in {}", data_dir_));
 }
 
 Result<void> BlobStore::write_identity(const std::string& identity) {
@@ -256,7 +260,9 @@ Result<int> BlobStore::sweep(Store& store) {
       if (clock_.utc_ms() - blob.modified_ms < kOrphanAgeMs) continue;
       const auto referenced = store.blob_is_referenced(blob.name);
       if (!referenced) return tl::unexpected(referenced.error());
-      if (!*referenced && files_.remove(path_of(blob.name))) ++removed;
+      if (*referenced) continue;
+      if (const auto made = files_.make_directory(orphans_of(data_dir_)); !made) return tl::unexpected(made.error());
+      if (files_.rename(path_of(blob.name), fmt::format("{}/{}", orphans_of(data_dir_), blob.name))) ++removed;
     }
   }
   return removed;

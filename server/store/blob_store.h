@@ -58,6 +58,8 @@ class BlobWriter {
 ///   <data-dir>/store-id                  which database the recordings belong to
 ///   <data-dir>/incoming/<random>         on the way in
 ///   <data-dir>/blobs/ab/ab34...          stored, mode 0440
+///   <data-dir>/orphans/ab34...           stored once, and no recording names them: whoever needs the room may delete
+///   them
 ///
 /// Thread-safe.
 class BlobStore {
@@ -91,9 +93,13 @@ class BlobStore {
   /// Errors  `store_mismatch` the folder is another database's, or its recordings are none of this one's, or this one's
   ///         are not there; `no_space`, `io_error`
   Result<void> belong_to(Store& store);
+  /// Whether the folder says that it is some database's.
+  Result<bool> is_claimed() const;
+  /// The folder becomes this database's, whosever it was: of a backup that is brought back.
+  Result<void> adopt(Store& store);
 
-  /// At start, before any upload, where the folder belongs to the database: removes all of incoming/, and blobs that no
-  /// recording names and that are older than 24 h. Returns how many files went.
+  /// At start, before any upload, where the folder belongs to the database: removes all of incoming/, and puts blobs
+  /// that no recording names and that are older than 24 h among the orphans. Returns how many files went.
   Result<int> sweep(Store& store);
 
  private:

@@ -39,4 +39,8 @@ FileLock::~FileLock() {
   if (fd_ >= 0) ::close(fd_);
 }
 
+Result<FileLock> lock_data_folder(const std::string& data_dir) {
+  return FileLock::take(data_dir + "/serve.lock", "this data folder");
+}
+
 }  // namespace valvetriage

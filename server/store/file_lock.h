@@ -26,4 +26,7 @@ class FileLock {
   int fd_;
 };
 
+/// One process at a time serves from a data folder, or brings a backup back into it. Errors  as FileLock::take
+Result<FileLock> lock_data_folder(const std::string& data_dir);
+
 }  // namespace valvetriage

@@ -119,9 +119,9 @@ class GzipSource : public CountedSource {
 
 class ZstdSource : public CountedSource {
  public:
-  ZstdSource(ByteSource& source, std::uint64_t max_bytes, int window)
-      : CountedSource(source, max_bytes), window_(window), stream_(ZSTD_createDStream()) {
-    ZSTD_DCtx_setParameter(stream_, ZSTD_d_windowLogMax, window);
+  ZstdSource(ByteSource& source, std::uint64_t max_bytes, int window_log2)
+      : CountedSource(source, max_bytes), window_log2_(window_log2), stream_(ZSTD_createDStream()) {
+    ZSTD_DCtx_setParameter(stream_, ZSTD_d_windowLogMax, window_log2);
   }
   ~ZstdSource() override { ZSTD_freeDStream(stream_); }
 
@@ -142,7 +142,7 @@ class ZstdSource : public CountedSource {
       if (ZSTD_getErrorCode(hint) == ZSTD_error_frameParameter_windowTooLarge) {
         return fail("malformed_encoding", fmt::format("the zstd data need a window of more than {} MiB: compress at "
                                                       "level 19 at most, without --long",
-                                                      (1 << window_) >> 20));
+                                                      (1 << window_log2_) >> 20));
       }
       if (ZSTD_isError(hint)) return fail("malformed_encoding", "the zstd data are damaged or are not zstd");
       frame_done_ = hint == 0;
@@ -156,7 +156,7 @@ class ZstdSource : public CountedSource {
     frame_done_ = more_inside_ = false;
   }
 
-  int window_;
+  int window_log2_;
   ZSTD_DStream* stream_;
   ZSTD_inBuffer in_{nullptr, 0, 0};
   bool frame_done_ = false;
@@ -166,14 +166,14 @@ class ZstdSource : public CountedSource {
 /// Expands once the first bytes have told how.
 class ToldByBytes : public ByteSource {
  public:
-  ToldByBytes(ByteSource& source, std::uint64_t max_bytes, int zstd_window)
-      : source_(source), max_bytes_(max_bytes), zstd_window_(zstd_window) {}
+  ToldByBytes(ByteSource& source, std::uint64_t max_bytes, int zstd_window_log2)
+      : source_(source), max_bytes_(max_bytes), zstd_window_log2_(zstd_window_log2) {}
 
   Result<std::size_t> read(std::span<char> buffer) override {
     if (!expanded_) {
       const auto head = source_.peek();
       if (!head) return tl::unexpected(head.error());
-      expanded_ = expand(compression_of_bytes(*head), source_, max_bytes_, zstd_window_);
+      expanded_ = expand(compression_of_bytes(*head), source_, max_bytes_, zstd_window_log2_);
     }
     return expanded_->read(buffer);
   }
@@ -182,7 +182,7 @@ class ToldByBytes : public ByteSource {
  private:
   PeekedSource source_;
   std::uint64_t max_bytes_;
-  int zstd_window_;
+  int zstd_window_log2_;
   std::unique_ptr<ByteSource> expanded_;
 };
 
@@ -215,20 +215,20 @@ Compression compression_of_bytes(std::string_view first_bytes) {
 }
 
 std::unique_ptr<ByteSource> expand(Compression compression, ByteSource& source, std::uint64_t max_bytes,
-                                   int zstd_window) {
+                                   int zstd_window_log2) {
   switch (compression) {
     case Compression::kGzip:
       return std::make_unique<GzipSource>(source, max_bytes);
     case Compression::kZstd:
-      return std::make_unique<ZstdSource>(source, max_bytes, zstd_window);
+      return std::make_unique<ZstdSource>(source, max_bytes, zstd_window_log2);
     case Compression::kNone:
       break;
   }
   return std::make_unique<PlainSource>(source, max_bytes);
 }
 
-std::unique_ptr<ByteSource> expand(ByteSource& source, std::uint64_t max_bytes, int zstd_window) {
-  return std::make_unique<ToldByBytes>(source, max_bytes, zstd_window);
+std::unique_ptr<ByteSource> expand(ByteSource& source, std::uint64_t max_bytes, int zstd_window_log2) {
+  return std::make_unique<ToldByBytes>(source, max_bytes, zstd_window_log2);
 }
 
 }  // namespace valvetriage

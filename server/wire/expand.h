@@ -23,22 +23,22 @@ Compression compression_of_bytes(std::string_view first_bytes);
 
 /// Windows of zstd frames as base 2 logarithms [bytes].
 ///
-/// kToolsZstdWindow    128 MiB, what the zstd tool itself accepts without being asked
-/// kUploadZstdWindow   8 MiB, what levels up to 19 use: so much is held for each of many uploads at a time
-inline constexpr int kToolsZstdWindow = 27, kUploadZstdWindow = 23;
+/// kToolsZstdWindowLog2    128 MiB, what the zstd tool itself accepts without being asked
+/// kUploadZstdWindowLog2   8 MiB, what levels up to 19 use: so much is held for each of many uploads at a time
+inline constexpr int kToolsZstdWindowLog2 = 27, kUploadZstdWindowLog2 = 23;
 
 /// The expanded bytes of a compressed source, which has to live longer. kNone counts the bytes and nothing else.
 /// gzip members and zstd frames that follow each other are one text.
 ///
-/// max_bytes    bound of the expanded bytes and of the compressed ones
-/// zstd_window  the largest that a frame may have
-/// Errors       `too_large`; `malformed_encoding` (broken, cut off, not compressed at all, a larger window); the
-/// source's
-///              own
-/// Memory       a fixed buffer, for zstd at most a window
+/// max_bytes         bound of the expanded bytes and of the compressed ones
+/// zstd_window_log2  of the largest window that a frame may have
+/// Errors            `too_large`; `malformed_encoding` (broken, cut off, not compressed at all, a larger window); those
+///                   of the source
+/// Memory            a fixed buffer, for zstd at most a window
 std::unique_ptr<ByteSource> expand(Compression compression, ByteSource& source, std::uint64_t max_bytes,
-                                   int zstd_window = kToolsZstdWindow);
+                                   int zstd_window_log2 = kToolsZstdWindowLog2);
 /// The same by the first bytes, whatever the file is called.
-std::unique_ptr<ByteSource> expand(ByteSource& source, std::uint64_t max_bytes, int zstd_window = kToolsZstdWindow);
+std::unique_ptr<ByteSource> expand(ByteSource& source, std::uint64_t max_bytes,
+                                   int zstd_window_log2 = kToolsZstdWindowLog2);
 
 }  // namespace valvetriage

@@ -167,8 +167,12 @@ TEST_F(OtherColumns, AreReadWhereTheyAreAskedForAndRememberedFromThenOn) {
   EXPECT_EQ(server_.post(self_ + "/reanalyze?columns=t_s", "").status, 422);
   EXPECT_EQ(server_.post(self_ + "/reanalyze?" + kNamed, "").status, 202);
   EXPECT_EQ(server_.await(self_)["state"], "done");
-  EXPECT_EQ(server_.post(self_ + "/reanalyze", "").status, 202);
-  EXPECT_EQ(server_.await(self_)["state"], "done");
+  EXPECT_EQ(server_.get(self_ + "/series?what=measured").status, 200);
+  const Json wrong = json_of(server_.post(self_ + "/reanalyze?columns=time%3Dt_s,input%3Dno_such,output%3Dy", ""));
+  EXPECT_EQ(server_.await("/v1/jobs/" + wrong["id"].get<std::string>())["state"], "rejected");
+  EXPECT_EQ(server_.get(self_ + "/series?what=measured").status, 200) << "what is shown was read otherwise";
+  const Json again = json_of(server_.post(self_ + "/reanalyze", ""));
+  EXPECT_EQ(server_.await("/v1/jobs/" + again["id"].get<std::string>())["state"], "done");
 }
 
 TEST(HttpUpload, ToAServerWhoseFolderIsGoneIsTheServersFault) {

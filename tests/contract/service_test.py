@@ -147,13 +147,15 @@ class Files(unittest.TestCase):
     def test_a_folder_is_served_by_one_service_and_one_database(self):
         with RunningService(BINARY) as service:
             other = service.folder / "other.sqlite"
-            refused = service.run("serve", "--listen", "127.0.0.1:0", "--data-dir", service.data, "--database", other)
-            self.assertNotEqual(refused.returncode, 0)
+            serve = ("serve", "--listen", "127.0.0.1:0", "--data-dir", service.data, "--database", other)
+            refused = service.run(*serve)
+            self.assertEqual(refused.returncode, 1)
             self.assertIn("stop it first", refused.stderr)
             service.stop()
-            refused = service.run("serve", "--listen", "127.0.0.1:0", "--data-dir", service.data, "--database", other)
-            self.assertNotEqual(refused.returncode, 0)
-            self.assertIn("belong to another database", refused.stderr)
+            refused = service.run(*serve)
+            self.assertEqual(refused.returncode, 1)
+            self.assertIn("there is no database", refused.stderr)
+            self.assertFalse(other.exists(), "nothing is made where a disk may be missing")
 
     def test_a_service_that_starts_in_a_folder_that_is_there_keeps_its_files_from_others(self):
         with RunningService(BINARY, before=lambda service: service.data.mkdir()) as service:

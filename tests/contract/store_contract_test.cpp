@@ -124,14 +124,15 @@ TEST_P(StoreContract, ReadsARejectedRecordingAgainWhereItIsSentWithOtherOptions)
   EXPECT_EQ(store_->job(again.submission.job_id)->options_json, mended.options_json);
 }
 
-TEST_P(StoreContract, TakesOverTheValveTypeThatARejectedRecordingLacked) {
+TEST_P(StoreContract, TakesOverTheValveTypeThatARecordingLackedAndAnalysesItAgain) {
   Labels untyped = a_valve("lot-a", "EFC-1");
   untyped.valve_type.reset();
-  accept(alone(untyped, "bytes"));
-  ASSERT_TRUE(store_->end_attempt(claim().lease(), AttemptEnd::kRejected, "{}"));
+  const Accepted first = accept(alone(untyped, "bytes"));
+  ASSERT_TRUE(store_->finish(claim().lease(), an_analysis("")));
   const Accepted again = accept(alone(a_valve("lot-a", "EFC-1"), "bytes"));
-  EXPECT_EQ(again.submission.state, JobState::kQueued);
   EXPECT_EQ(again.submission.labels.valve_type, "type-1");
+  EXPECT_NE(again.submission.job_id, first.submission.job_id);
+  EXPECT_EQ(claim().id, again.submission.job_id);
 }
 
 TEST_P(StoreContract, AsksNothingAnewOfARecordingThatHasItsResult) {

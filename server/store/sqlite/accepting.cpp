@@ -85,8 +85,9 @@ std::optional<Answer> same_submission(Connection& connection, const NewSubmissio
   return Answer{.submission_seq = query.integer(), .recording_id = {}, .created = false};
 }
 
-/// What came to nothing as it was read is read again where it is sent once more and asked for otherwise: with the names
-/// of its columns, or the type of its valve.
+/// What came to nothing as it was read is read again where it is sent once more with other options, such as the names
+/// of its columns; and whatever came of it where only now the type of its valve is said, without which it has no
+/// reference.
 Result<void> read_again(const Write& in, const NewSubmission& submission, const Answer& same) {
   Query query = in.connection.query(
       "SELECT s.state, j.options, s.valve_type IS NULL FROM submissions s JOIN jobs j ON j.id = s.job_id WHERE s.seq = "
@@ -96,7 +97,8 @@ Result<void> read_again(const Write& in, const NewSubmission& submission, const 
   const JobState state = read_state(query);
   const bool is_asked_otherwise = query.text() != submission.options_json;
   const bool is_typed_now = query.integer() != 0 && submission.labels.valve_type.has_value();
-  if (!is_final(state) || state == JobState::kDone || !(is_asked_otherwise || is_typed_now)) return {};
+  const bool came_to_nothing = is_final(state) && state != JobState::kDone;
+  if (!(is_typed_now && is_final(state)) && !(is_asked_otherwise && came_to_nothing)) return {};
   in.connection.run("UPDATE submissions SET valve_type = coalesce(valve_type, ?) WHERE seq = ?",
                     submission.labels.valve_type, same.submission_seq);
   const auto job =

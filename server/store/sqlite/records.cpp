@@ -137,9 +137,9 @@ Result<std::string> analysis_body_zstd(Connection& connection, std::string_view 
 
 Result<std::string> newest_residuals_zstd(Connection& connection, std::string_view submission_id) {
   Query query = connection.query(
-      "SELECT r.residuals FROM submissions s JOIN analyses a ON a.submission_seq = s.seq JOIN jobs j ON j.id = "
-      "a.job_id "
-      "LEFT JOIN analysis_residuals r ON r.analysis_seq = a.seq WHERE s.id = ? ORDER BY j.seq DESC LIMIT 1",
+      "SELECT r.residuals FROM submissions s JOIN analyses a ON a.submission_seq = s.seq "
+      "JOIN jobs j ON j.id = a.job_id LEFT JOIN analysis_residuals r ON r.analysis_seq = a.seq "
+      "WHERE s.id = ? ORDER BY j.seq DESC LIMIT 1",
       submission_id);
   if (!query.next()) return fail("not_found", fmt::format("there is no analysis of '{}' yet", submission_id));
   return query.text();

@@ -13,7 +13,8 @@ namespace {
 Result<RawRecording> said(const std::string& lines) {
   const test::TemporaryFolder folder;
   std::ofstream(folder.file("answer")) << lines;
-  return read_in_child({.path = "any.mat", .name = "any.mat"}, WhatToRead::kAll, {"/bin/cat", folder.file("answer")});
+  return read_in_child({.path = "any.mat", .name = "any.mat"}, WhatToRead::kAll, [] { return true; },
+                       {"/bin/cat", folder.file("answer")});
 }
 
 std::string channel(const std::string& role, const std::string& values) {
@@ -51,7 +52,8 @@ TEST(ReadingChild, IsNotBelievedWhereItsAnswerIsNoWholeRecording) {
   EXPECT_FALSE(said("{\"metadata\":{\"serial\":[1]}}\n" + channel("time", "1") + channel("input", "\"x\"")));
   EXPECT_FALSE(said(metadata + "{\"values\":[1]}\n"));
   EXPECT_FALSE(said(metadata + channel("time", "0,1") + channel("input", "1,2") + channel("output", "3")));
-  EXPECT_FALSE(read_in_child({.path = "any.mat", .name = "any.mat"}, WhatToRead::kAll, {"/bin/false"}));
+  EXPECT_FALSE(
+      read_in_child({.path = "any.mat", .name = "any.mat"}, WhatToRead::kAll, [] { return true; }, {"/bin/false"}));
 }
 
 }  // namespace

@@ -86,6 +86,14 @@ TEST_F(DataFolder, BelongsToTheDatabaseThatFirstServedFromIt) {
   EXPECT_EQ(refusal(*second), "store_mismatch");
 }
 
+TEST_F(DataFolder, IsTheDatabasesThatABackupBroughtBack) {
+  const auto lost = database("lost.sqlite"), restored = database("restored.sqlite");
+  EXPECT_EQ(refusal(*lost), "");
+  ASSERT_TRUE(blobs_->adopt(*restored));
+  EXPECT_EQ(refusal(*restored), "");
+  EXPECT_EQ(refusal(*lost), "store_mismatch");
+}
+
 TEST_F(DataFolder, IsNoEmptyDatabasesWhereItHoldsRecordings) {
   const auto served = database("served.sqlite"), empty = database("empty.sqlite");
   accept_into(*served, "bytes");
@@ -136,6 +144,7 @@ TEST_F(Blobs, AreSweptWhenNobodyNamesThemAndTheyAreADayOld) {
   const auto tomorrow = std::move(*BlobStore::open(folder_.path(), files_, later));
   EXPECT_EQ(*tomorrow->sweep(*store), 1);
   EXPECT_EQ(*tomorrow->list(), std::vector<std::string>{named->sha256()});
+  EXPECT_TRUE(std::filesystem::exists(folder_.file("orphans/" + sha256_hex("orphan")))) << "for whoever looks for it";
 }
 
 /// Fails every operation of an upload in turn.

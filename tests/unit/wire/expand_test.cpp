@@ -89,17 +89,17 @@ TEST(Expand, TakesWindowsUpToTheBoundAndSaysHowToStayWithinIt) {
   std::string text(20 << 20, '\0');
   std::uint32_t state = 1;
   for (char& c : text) c = static_cast<char>((state = state * 1664525 + 1013904223) >> 24);
-  for (const int window : {kUploadZstdWindow, kUploadZstdWindow + 1}) {
+  for (const int window : {kUploadZstdWindowLog2, kUploadZstdWindowLog2 + 1}) {
     ZSTD_CCtx* context = ZSTD_createCCtx();
     ZSTD_CCtx_setParameter(context, ZSTD_c_windowLog, window);
     std::string packed(ZSTD_compressBound(text.size()), '\0');
     packed.resize(ZSTD_compress2(context, packed.data(), packed.size(), text.data(), text.size()));
     ZSTD_freeCCtx(context);
     Pieces source(packed, 1 << 20);
-    const auto expanded = expand(Compression::kZstd, source, text.size(), kUploadZstdWindow);
+    const auto expanded = expand(Compression::kZstd, source, text.size(), kUploadZstdWindowLog2);
     std::string buffer(1 << 20, '\0');
     const auto n = expanded->read(buffer);
-    EXPECT_EQ(n.has_value(), window == kUploadZstdWindow);
+    EXPECT_EQ(n.has_value(), window == kUploadZstdWindowLog2);
     const std::string said = n ? "" : n.error().message;
     EXPECT_EQ(said.find("8 MiB") != std::string::npos, !n.has_value()) << said;
   }
