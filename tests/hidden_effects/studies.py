@@ -75,8 +75,8 @@ def loop_line(key, bench, case):
             if line["asked"] is None:
                 before, _ = bench.engine.analyse(case, recordings, bench.reference)
                 line["asked"] = before["discrepancy"]["next_test"]
-            if "input_csv" not in line["asked"]:
-                raise Failed("the next test has no input_csv")
+            if "input_csv" not in (line["asked"] or {}):
+                raise Failed("asked once more, the answer has no next test with an input_csv")
             wanted = recordings.with_name(recordings.name + ".next_test.csv")
             played = recordings.with_name(recordings.name + ".played")
             try:
