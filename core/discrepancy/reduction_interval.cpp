@@ -6,7 +6,9 @@
 #include <vector>
 
 namespace valvetriage {
+namespace {
 
+/// Over the groups that `chosen` tells.
 double reduction_over(std::span<const HeldOutSquares> groups, std::span<const std::size_t> chosen) {
   double baseline = 0, extended = 0;
   for (const std::size_t group : chosen) {
@@ -15,6 +17,8 @@ double reduction_over(std::span<const HeldOutSquares> groups, std::span<const st
   }
   return baseline > 0 ? 1 - std::sqrt(extended / baseline) : 0;
 }
+
+}  // namespace
 
 std::array<double, 2> reduction_interval(std::span<const HeldOutSquares> groups) {
   constexpr std::size_t kDraws = 400, kTail = kDraws / 40;

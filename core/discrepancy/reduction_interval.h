@@ -10,10 +10,8 @@ struct HeldOutSquares {
   double baseline = 0, extended = 0;
 };
 
-/// 1 − rms extended / rms baseline over the groups that `chosen` tells; 0 where the baseline leaves nothing.
-double reduction_over(std::span<const HeldOutSquares> groups, std::span<const std::size_t> chosen);
-
-/// Its 95 % interval by resampling whole groups, from a fixed start: equal input, equal interval.
+/// 95 % interval of 1 − rms extended / rms baseline (0 where the baseline leaves nothing) by resampling whole groups,
+/// from a fixed start: equal input, equal interval.
 /// groups  one at least
 std::array<double, 2> reduction_interval(std::span<const HeldOutSquares> groups);
 

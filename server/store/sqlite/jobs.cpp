@@ -146,13 +146,6 @@ void count_causes_in_lot(const Write& in, const JobAt& job, const AnalysisSummar
   }
 }
 
-bool has_later_analysis(Connection& connection, const JobAt& job) {
-  return connection
-      .query("SELECT 1 FROM analyses a JOIN jobs j ON j.id = a.job_id WHERE a.submission_seq = ? AND j.seq > ? LIMIT 1",
-             job.submission_seq, job.seq)
-      .next();
-}
-
 void show_summary(const Write& in, const JobAt& job, const AnalysisSummary& summary) {
   in.connection.run(
       "UPDATE submissions SET state = 'done', problem = NULL, verdict = ?, reason = ?, action = ?, conclusion = ?, "
@@ -226,10 +219,11 @@ Result<AnalysisRow> finish(const Write& in, const LeaseToken& lease, const NewAn
                            std::string_view body_zstd, std::string_view residuals_zstd) {
   const auto job = leased_job(in.connection, lease);
   if (!job) return tl::unexpected(job.error());
-  // What was asked later was asked knowing more, a newer reference, and stays shown when it was done sooner.
-  const bool is_newest = !has_later_analysis(in.connection, *job);
   insert_analysis(in, *job, analysis, body_zstd, residuals_zstd);
-  if (is_newest) show_summary(in, *job, analysis.summary);
+  // What was asked later was asked knowing more, a newer reference, and stays shown when it was done sooner.
+  const auto newest = newest_analysis(in.connection, job->row.submission_id);
+  if (!newest) return newest;
+  if (newest->job_id == job->row.id) show_summary(in, *job, analysis.summary);
   in.connection.run("UPDATE jobs SET progress = 1, progress_note = '' WHERE seq = ?", job->seq);
   end_job(in, *job, JobState::kDone, std::nullopt, "worker");
   auto stored = analysis_of_job(in.connection, job->row.id);
